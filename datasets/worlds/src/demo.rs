@@ -1,20 +1,22 @@
-//! [`demo_scene`]: the world photographed from a dome of cameras, written as a Blender data set with points.
+//! [`demo_scene`]: a still scene photographed from a dome of cameras, written as a Blender data set with points.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 use gs_base::{FileError, write_atomic};
+use gs_datasets::DatasetError;
+use gs_datasets::image_io::write_png;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::random::gaussian;
-use super::world::World;
-use crate::tracer::shape::Ray;
-use gs_datasets::DatasetError;
-use gs_datasets::image_io::write_png;
+use crate::film::{Exposure, Order, film};
+use crate::points::Points;
+use crate::ranges::check_ranges;
+use crate::tracer::camera::{Camera, Rig};
+use crate::tracer::scene::Scene;
 
 /// Horizontal angle of view, radians.
 const ANGLE_X: f64 = 0.85;
@@ -25,12 +27,6 @@ const TARGET: DVec3 = DVec3::new(0.0, 0.0, 0.3);
 
 /// Lowest and highest camera above the floor, radians.
 const ELEVATION: (f64, f64) = (0.25, 1.05);
-
-/// Rays along each side of a pixel.
-const SUBPIXELS: usize = 3;
-
-/// Standard deviation of the points' places, metres: about what structure from motion leaves in such a scene.
-const POINT_NOISE: f64 = 0.01;
 
 /// Options of [`demo_scene`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -65,34 +61,6 @@ impl Default for DemoOptions {
 /// # Errors
 /// When an option is out of its range or a file cannot be written.
 pub fn demo_scene(dir: &Path, options: &DemoOptions) -> Result<(), DatasetError> {
-    check(dir, options)?;
-    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
-    let world = World::demo();
-    let points = ply(&world, options.points, &mut rng);
-    for (part, count) in [("train", options.train_views), ("test", options.test_views)] {
-        let turn = rng.random_range(0.0..TAU);
-        let cameras: Vec<DMat4> = (0..count).map(|i| camera(i, count, turn)).collect();
-        let written: Vec<Result<(), FileError>> = cameras
-            .par_iter()
-            .enumerate()
-            .map(|(i, c2w)| {
-                let pixels = photograph(&world, c2w, options);
-                write_png(&dir.join(part).join(format!("r_{i:03}.png")), options.width, options.height, &pixels)
-            })
-            .collect();
-        written.into_iter().collect::<Result<(), _>>()?;
-        if count > 0 {
-            let text = format!("{:#}\n", transforms(part, &cameras, options));
-            write_atomic(&dir.join(format!("transforms_{part}.json")), text.as_bytes())?;
-        }
-    }
-    if options.points > 0 {
-        write_atomic(&dir.join("points3d.ply"), points.as_bytes())?;
-    }
-    Ok(())
-}
-
-fn check(dir: &Path, options: &DemoOptions) -> Result<(), DatasetError> {
     let ranges = [
         ("train_views", options.train_views, 1..=10_000),
         ("test_views", options.test_views, 0..=10_000),
@@ -100,122 +68,75 @@ fn check(dir: &Path, options: &DemoOptions) -> Result<(), DatasetError> {
         ("height", options.height, 1..=8192),
         ("points", options.points, 0..=10_000_000),
     ];
-    for (option, value, range) in ranges {
-        if !range.contains(&value) {
-            return Err(DatasetError::Option {
-                path: dir.to_path_buf(),
-                option,
-                expected: format!("{} to {}", range.start(), range.end()),
-                found: value.to_string(),
-            });
+    check_ranges(dir, &ranges)?;
+    let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
+    let scene = Scene::described(&[include_str!("../scenes/demo.toml")], &mut rng);
+    for (part, count) in [("train", options.train_views), ("test", options.test_views)] {
+        let cameras = cameras(count, rng.random_range(0.0..TAU), options);
+        photograph(&dir.join(part), &scene, &cameras)?;
+        if part == "train" && options.points > 0 {
+            let points = Points::matched(&scene, &cameras, options.points, 0.0, &mut rng);
+            write_atomic(&dir.join("points3d.ply"), &points.ascii())?;
+        }
+        if count > 0 {
+            let text = format!("{:#}\n", transforms(part, &cameras, options));
+            write_atomic(&dir.join(format!("transforms_{part}.json")), text.as_bytes())?;
         }
     }
     Ok(())
 }
 
-/// Camera to world, OpenGL axes (x right, y up, z back), of the `index`-th of `count` cameras. Golden-angle steps
-/// around the dome and even steps in height leave no side unseen.
-fn camera(index: usize, count: usize, turn: f64) -> DMat4 {
+/// Golden-angle steps around the dome from `turn` on and even steps in height leave no side unseen.
+fn cameras(count: usize, turn: f64, options: &DemoOptions) -> Vec<Camera> {
     let golden_angle = PI * (3.0 - 5.0_f64.sqrt());
-    let azimuth = turn + index as f64 * golden_angle;
-    let share = (index as f64 + 0.5) / count as f64;
-    let elevation = ELEVATION.0 + (ELEVATION.1 - ELEVATION.0) * share;
-    let (sin, cos) = elevation.sin_cos();
-    let back = DVec3::new(cos * azimuth.cos(), cos * azimuth.sin(), sin);
-    let right = DVec3::Z.cross(back).normalize();
-    let up = back.cross(right);
-    DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), (TARGET + DISTANCE * back).extend(1.0))
+    let direction = |index: usize| {
+        let share = (index as f64 + 0.5) / count as f64;
+        let azimuth = FRAC_PI_2 + turn + index as f64 * golden_angle;
+        (azimuth, ELEVATION.0 + (ELEVATION.1 - ELEVATION.0) * share)
+    };
+    let directions: Vec<(f64, f64)> = (0..count).map(direction).collect();
+    let DemoOptions { width, height, .. } = *options;
+    Rig { target: TARGET, distance: DISTANCE, angle_x: ANGLE_X, width, height }.cameras(0, &directions)
 }
 
-fn focal(options: &DemoOptions) -> f64 {
-    0.5 * options.width as f64 / (0.5 * ANGLE_X).tan()
+fn file_name(index: usize) -> String {
+    format!("r_{index:03}.png")
 }
 
-/// `[height, width, 4]`: the mean encoded colour of what a pixel's rays meet, and the share that meets something.
-fn photograph(world: &World, c2w: &DMat4, options: &DemoOptions) -> Vec<u8> {
-    let (width, height) = (options.width, options.height);
-    let focal = focal(options);
-    let origin = c2w.w_axis.truncate();
-    let mut pixels = vec![0; 4 * width * height];
-    for (index, pixel) in pixels.chunks_exact_mut(4).enumerate() {
-        let (column, row) = (index % width, index / width);
-        let (mut sum, mut hits) = (DVec3::ZERO, 0);
-        for sub in 0..SUBPIXELS * SUBPIXELS {
-            let place = |pixel: usize, sub: usize| pixel as f64 + (sub as f64 + 0.5) / SUBPIXELS as f64;
-            let (u, v) = (place(column, sub % SUBPIXELS), place(row, sub / SUBPIXELS));
-            let local = DVec3::new(u - 0.5 * width as f64, 0.5 * height as f64 - v, -focal);
-            let ray = Ray { origin, direction: c2w.transform_vector3(local).normalize() };
-            if let Some(color) = world.trace(&ray) {
-                sum += color;
-                hits += 1;
-            }
-        }
-        if hits > 0 {
-            let color = 255.0 * sum / f64::from(hits);
-            let alpha = 255.0 * f64::from(hits) / (SUBPIXELS * SUBPIXELS) as f64;
-            for (out, value) in pixel.iter_mut().zip([color.x, color.y, color.z, alpha]) {
-                *out = value.round() as u8;
-            }
-        }
-    }
-    pixels
-}
-
-fn transforms(part: &str, cameras: &[DMat4], options: &DemoOptions) -> serde_json::Value {
-    let frames: Vec<serde_json::Value> = cameras
-        .iter()
-        .enumerate()
-        .map(|(i, c2w)| {
-            let rows = [0, 1, 2, 3].map(|row| c2w.row(row).to_array());
-            json!({ "file_path": format!("{part}/r_{i:03}.png"), "transform_matrix": rows })
-        })
-        .collect();
-    let mut top = json!({
-        "camera_angle_x": ANGLE_X,
-        "fl_x": focal(options),
-        "fl_y": focal(options),
-        "cx": 0.5 * options.width as f64,
-        "cy": 0.5 * options.height as f64,
-        "w": options.width,
-        "h": options.height,
-        "frames": frames,
+fn photograph(folder: &Path, scene: &Scene, cameras: &[Camera]) -> Result<(), DatasetError> {
+    let exposure = [Exposure::instant(scene, 0.0)];
+    let written = cameras.par_iter().enumerate().map(|(index, camera)| {
+        let path = folder.join(file_name(index));
+        let mut shots = film(scene, camera, &exposure, Order::Rows).into_iter();
+        shots.try_for_each(|shot| write_png(&path, camera.width, camera.height, &shot.rgba()))
     });
+    // Collected first, so that the error of the first photo is reported and not of the fastest.
+    let written: Vec<Result<(), FileError>> = written.collect();
+    Ok(written.into_iter().collect::<Result<(), _>>()?)
+}
+
+fn transforms(part: &str, cameras: &[Camera], options: &DemoOptions) -> Value {
+    let frame = |(index, camera): (usize, &Camera)| {
+        let path = format!("{part}/{}", file_name(index));
+        json!({ "file_path": path, "transform_matrix": camera.rows() })
+    };
+    let mut top = cameras.first().map_or(Value::Null, Camera::intrinsics);
+    top["frames"] = cameras.iter().enumerate().map(frame).collect();
     if options.points > 0 {
         top["ply_file_path"] = json!("points3d.ply");
     }
     top
 }
 
-/// Points on all surfaces in proportion to their area, displaced by [`POINT_NOISE`], with the colour cameras see there.
-fn ply(world: &World, count: usize, rng: &mut ChaCha8Rng) -> String {
-    let properties = "property float x\nproperty float y\nproperty float z\n\
-                      property uchar red\nproperty uchar green\nproperty uchar blue\n";
-    let mut text = format!("ply\nformat ascii 1.0\nelement vertex {count}\n{properties}end_header\n");
-    let total: f64 = world.objects.iter().map(|object| object.shape.area()).sum();
-    for _ in 0..count {
-        let mut pick = rng.random_range(0.0..total);
-        let object = world.objects.iter().find(|object| {
-            pick -= object.shape.area();
-            pick < 0.0
-        });
-        // Rounding may leave a remainder after the last object.
-        let Some(object) = object.or(world.objects.last()) else { break };
-        let (place, normal) = object.shape.sample(rng);
-        let color = (255.0 * world.shade(object, place, normal)).round();
-        let noisy = place + POINT_NOISE * DVec3::new(gaussian(rng), gaussian(rng), gaussian(rng));
-        text += &format!("{:.5} {:.5} {:.5} {} {} {}\n", noisy.x, noisy.y, noisy.z, color.x, color.y, color.z);
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use glam::DMat2;
 
-    use super::super::shapes::Shape;
-    use super::super::world::RED_SPHERE;
     use super::*;
     use gs_datasets::{LoadOptions, View, load};
+
+    /// Its centre and radius in the description.
+    const RED_SPHERE: (DVec3, f64) = (DVec3::new(-0.45, 0.40, 0.84), 0.26);
 
     #[test]
     fn same_options_same_bytes_other_seed_other_cameras() {
@@ -258,7 +179,7 @@ mod tests {
 
     /// Centre (pixels) and area (square pixels) of the sphere's outline.
     fn outline(view: &View) -> (glam::DVec2, f64) {
-        let Shape::Sphere { centre, radius } = RED_SPHERE else { panic!("the red sphere is a sphere") };
+        let (centre, radius) = RED_SPHERE;
         let c = view.c2w.inverse().transform_point3(centre);
         let s = c.length_squared() - radius * radius;
         let a = DMat2::from_cols_array(&[c.x * c.x - s, c.x * c.y, c.x * c.y, c.y * c.y - s]);

@@ -10,12 +10,11 @@ mod demo;
 pub mod driving;
 pub mod extrapolation;
 mod film;
+mod named;
 mod points;
 mod random;
 mod ranges;
 mod set;
-mod shapes;
 mod tracer;
-mod world;
 
 pub use demo::{DemoOptions, demo_scene};

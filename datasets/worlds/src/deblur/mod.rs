@@ -16,73 +16,37 @@ mod write;
 #[cfg(test)]
 mod tests;
 
-use std::fmt;
-use std::str::FromStr;
-
 pub use priors::{PriorFault, PriorFaults};
 pub use write::write;
 
-/// Descriptions of the worlds.
-const CUBE: &str = include_str!("../../scenes/deblur/cube.toml");
-const LYCHEE: &str = include_str!("../../scenes/deblur/lychee.toml");
-const MONKEY: &str = include_str!("../../scenes/deblur/monkey.toml");
-const SPHERE: &str = include_str!("../../scenes/deblur/sphere.toml");
-const PAIR: &str = include_str!("../../scenes/deblur/pair.toml");
+use crate::named::named;
 
-/// The worlds, the first four after those of the DynaMoDe-NeRF data set that TaylorMoDe-GS is measured on. Each has one
-/// moving object in a room with static objects; the last has two.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum World {
-    /// A tilted box that crosses the room while it turns.
-    Cube,
-    /// A bumpy sphere that spins.
-    Lychee,
-    /// A head of spheres and rings that accelerates around a bend.
-    Monkey,
-    /// A ball that bounces.
-    Sphere,
-    /// A box and a bumpy ball, each on its own way.
-    Pair,
+named! {
+    /// The worlds, the first four after those of the DynaMoDe-NeRF data set that TaylorMoDe-GS is measured on. Each has
+    /// one moving object in a room with static objects; the last has two.
+    pub enum World {
+        /// A box slides and turns.
+        Cube = "cube",
+        /// A bumpy fruit spins.
+        Lychee = "lychee",
+        /// A head of several parts speeds up.
+        Monkey = "monkey",
+        /// A ball bounces.
+        Sphere = "sphere",
+        /// A box and a bumpy ball, each on its own way.
+        Pair = "pair",
+    }
 }
 
 impl World {
-    /// All worlds.
-    pub const ALL: [Self; 5] = [Self::Cube, Self::Lychee, Self::Monkey, Self::Sphere, Self::Pair];
-
-    /// The name, the motion in a few words, and the description.
-    fn row(self) -> [&'static str; 3] {
+    fn description(self) -> &'static str {
         match self {
-            Self::Cube => ["cube", "A box slides and turns", CUBE],
-            Self::Lychee => ["lychee", "A bumpy fruit spins", LYCHEE],
-            Self::Monkey => ["monkey", "A head of several parts speeds up", MONKEY],
-            Self::Sphere => ["sphere", "A ball bounces", SPHERE],
-            Self::Pair => ["pair", "A box and a bumpy ball, each on its own way", PAIR],
+            Self::Cube => include_str!("../../scenes/deblur/cube.toml"),
+            Self::Lychee => include_str!("../../scenes/deblur/lychee.toml"),
+            Self::Monkey => include_str!("../../scenes/deblur/monkey.toml"),
+            Self::Sphere => include_str!("../../scenes/deblur/sphere.toml"),
+            Self::Pair => include_str!("../../scenes/deblur/pair.toml"),
         }
-    }
-
-    /// The world's name in lower case, as [`FromStr`] reads it.
-    pub fn name(self) -> &'static str {
-        self.row()[0]
-    }
-
-    /// The motion in it, in a few words.
-    pub fn in_words(self) -> &'static str {
-        self.row()[1]
-    }
-}
-
-impl fmt::Display for World {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for World {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|world| world.name() == name);
-        found.ok_or_else(|| format!("expected cube, lychee, monkey, sphere or pair, found {name:?}"))
     }
 }
 

@@ -1,11 +1,10 @@
 //! Priors with the faults that networks make: what a depth, segmentation or deblurring network might have said.
 
-use std::fmt;
-
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::super::random::gaussian;
+use crate::named::named;
+use crate::random::gaussian;
 
 /// How wrong the priors are. [`PriorFaults::default`] is about what today's networks leave; [`PriorFaults::none`]
 /// writes the truth as prior. Lengths in pixels are at a width of 256 and grow with the image.
@@ -30,60 +29,27 @@ pub struct PriorFaults {
     pub sharp_noise: f64,
 }
 
-/// A fault that priors can have, of the size in which networks have it today.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PriorFault {
-    /// Depth known up to a scale and a shift that differ from frame to frame.
-    DepthAffine,
-    /// Depth with noise, fine and coarse.
-    DepthNoise,
-    /// One pixel in twenty with a random depth of the frame's range.
-    DepthOutliers,
-    /// Inverse depth in place of depth.
-    InverseDepth,
-    /// Masks with ragged outlines.
-    Masks,
-    /// Pseudo-sharp images that keep a third of the blur.
-    Sharp,
+named! {
+    /// A fault that priors can have, of the size in which networks have it today.
+    pub enum PriorFault {
+        /// Depth up to a scale and a shift per frame.
+        DepthAffine = "depth-affine",
+        /// Depth with fine and coarse noise.
+        DepthNoise = "depth-noise",
+        /// One pixel in twenty has a random depth of the frame's range.
+        DepthOutliers = "depth-outliers",
+        /// Inverse depth is written.
+        InverseDepth = "inverse-depth",
+        /// Masks with ragged outlines.
+        Masks = "masks",
+        /// Pseudo-sharp photos keep a third of the blur.
+        Sharp = "sharp",
+    }
 }
 
 impl PriorFault {
     /// The faults of [`PriorFaults::default`].
     pub const USUAL: [Self; 4] = [Self::DepthAffine, Self::DepthNoise, Self::Masks, Self::Sharp];
-
-    /// All faults.
-    pub const ALL: [Self; 6] =
-        [Self::DepthAffine, Self::DepthNoise, Self::DepthOutliers, Self::InverseDepth, Self::Masks, Self::Sharp];
-
-    /// Its name on a command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::DepthAffine => "depth-affine",
-            Self::DepthNoise => "depth-noise",
-            Self::DepthOutliers => "depth-outliers",
-            Self::InverseDepth => "inverse-depth",
-            Self::Masks => "masks",
-            Self::Sharp => "sharp",
-        }
-    }
-
-    /// The fault, in a few words.
-    pub fn in_words(self) -> &'static str {
-        match self {
-            Self::DepthAffine => "Depth up to a scale and a shift per frame",
-            Self::DepthNoise => "Depth with fine and coarse noise",
-            Self::DepthOutliers => "One pixel in twenty has a random depth of the frame's range",
-            Self::InverseDepth => "Inverse depth is written",
-            Self::Masks => "Masks with ragged outlines",
-            Self::Sharp => "Pseudo-sharp photos keep a third of the blur",
-        }
-    }
-}
-
-impl fmt::Display for PriorFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
 }
 
 impl Default for PriorFaults {

@@ -128,7 +128,7 @@ fn check(dir: &Path, options: &DeblurOptions) -> Result<(), DatasetError> {
 
 /// A world in its room or in the `open`; textures and the turns of the furniture come from `rng`.
 pub(super) fn scene(world: World, speed: f64, open: bool, rng: &mut ChaCha8Rng) -> Scene {
-    let mut scene = Scene::described(&[world.row()[2], ROOM], rng);
+    let mut scene = Scene::described(&[world.description(), ROOM], rng);
     if open {
         scene.planes.truncate(1);
         scene.planes[0].reach = GROUND;

@@ -1,23 +1,19 @@
 //! Vehicles, people, trees and houses: parts around an origin on the ground, x ahead, y to the left, z up.
 
 use glam::{DVec2, DVec3};
-
-use super::paint::Paint;
-use super::shape::Shape;
-use crate::tracer::shape::Ray;
 use gs_driving::ObjectClass;
 
-/// A painted form.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Part {
-    pub shape: Shape,
-    pub paint: Paint,
-}
+use super::paint::Paint;
+use crate::tracer::shape::Shape;
+use crate::tracer::solid::{self, Solid};
+
+/// A painted shape.
+pub(super) type Part = solid::Part<Paint>;
 
 /// A rigid thing.
 #[derive(Debug, Clone)]
 pub(super) struct Body {
-    pub parts: Vec<Part>,
+    pub solid: Solid<Paint>,
     /// Corners of the box around all parts.
     pub low: DVec3,
     pub high: DVec3,
@@ -32,10 +28,10 @@ impl Body {
     fn new(label: &'static str, semantic: u8, salt: u32, parts: Vec<Part>) -> Self {
         let (mut low, mut high) = (DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY));
         for part in &parts {
-            let (a, b) = part.shape.bounds();
-            (low, high) = (low.min(a), high.max(b));
+            let half = part.shape.half();
+            (low, high) = (low.min(part.position - half), high.max(part.position + half));
         }
-        Self { parts, low, high, label, semantic, salt }
+        Self { solid: Solid::new(parts), low, high, label, semantic, salt }
     }
 
     /// The class for evaluation.
@@ -47,20 +43,19 @@ impl Body {
     pub fn size(&self) -> DVec3 {
         self.high - self.low
     }
-
-    /// The nearest surface along a ray in the body's axes: distance, normal and part.
-    pub fn meet(&self, ray: &Ray) -> Option<(f64, DVec3, usize)> {
-        let met = self.parts.iter().enumerate().filter_map(|(i, part)| part.shape.meet(ray).map(|(t, n)| (t, n, i)));
-        met.min_by(|a, b| a.0.total_cmp(&b.0))
-    }
-}
-
-fn part(shape: Shape, paint: Paint) -> Part {
-    Part { shape, paint }
 }
 
 fn cuboid(centre: [f64; 3], size: [f64; 3], paint: Paint) -> Part {
-    part(Shape::Cuboid { centre: centre.into(), half: 0.5 * DVec3::from(size) }, paint)
+    Part::new(Shape::Cuboid { half: 0.5 * DVec3::from(size) }, centre.into(), paint)
+}
+
+fn ball(centre: [f64; 3], radius: f64, paint: Paint) -> Part {
+    Part::new(Shape::Sphere { radius }, centre.into(), paint)
+}
+
+/// A column that stands on the ground.
+fn column(centre: [f64; 3], radius: f64, paint: Paint) -> Part {
+    Part::new(Shape::Column { radius, half_height: centre[2] }, centre.into(), paint)
 }
 
 fn dark() -> Paint {
@@ -108,24 +103,20 @@ pub(super) fn bus(color: DVec3, length: f64, salt: u32) -> Body {
 fn person(color: DVec3, z: f64, lean: f64) -> Vec<Part> {
     let skin = Paint::Plain { color: DVec3::new(0.5, 0.32, 0.23), grain: 0.1 };
     let cloth = Paint::Plain { color, grain: 0.15 };
-    vec![
-        cuboid([lean, 0.0, z + 0.3], [0.28, 0.46, 0.62], cloth),
-        part(Shape::Ball { centre: DVec3::new(1.4 * lean, 0.0, z + 0.76), radius: 0.14 }, skin),
-    ]
+    vec![cuboid([lean, 0.0, z + 0.3], [0.28, 0.46, 0.62], cloth), ball([1.4 * lean, 0.0, z + 0.76], 0.14, skin)]
 }
 
-/// Somebody on foot.
+/// A person on foot.
 pub(super) fn pedestrian(color: DVec3, salt: u32) -> Body {
     let legs = Paint::Plain { color: DVec3::new(0.04, 0.05, 0.09), grain: 0.1 };
     let mut parts = person(color, 0.82, 0.0);
     for (x, y) in [(0.1, 0.11), (-0.1, -0.11)] {
-        let centre = DVec3::new(x, y, 0.42);
-        parts.push(part(Shape::Column { centre, radius: 0.09, half_height: 0.42 }, legs));
+        parts.push(column([x, y, 0.42], 0.09, legs));
     }
     Body::new("Pedestrian", 30, salt, parts)
 }
 
-/// Somebody on a bicycle.
+/// A person on a bicycle.
 pub(super) fn cyclist(color: DVec3, salt: u32) -> Body {
     let frame = Paint::Plain { color: 0.6 * DVec3::new(color.z, color.x, color.y), grain: 0.2 };
     let mut parts = person(color, 0.9, 0.1);
@@ -142,14 +133,11 @@ pub(super) fn cyclist(color: DVec3, salt: u32) -> Body {
 pub(super) fn tree(height: f64, turn: f64, salt: u32) -> Body {
     let bark = Paint::Plain { color: DVec3::new(0.14, 0.1, 0.07), grain: 0.2 };
     let leaves = Paint::Foliage { color: DVec3::new(0.1, 0.24, 0.06) };
-    let mut parts = vec![part(
-        Shape::Column { centre: DVec3::new(0.0, 0.0, 0.3 * height), radius: 0.16, half_height: 0.3 * height },
-        bark,
-    )];
+    let mut parts = vec![column([0.0, 0.0, 0.3 * height], 0.16, bark)];
     for (i, (share, radius)) in [(0.62, 0.24), (0.72, 0.21), (0.85, 0.18)].into_iter().enumerate() {
         let (sin, cos) = (turn + 2.1 * i as f64).sin_cos();
-        let centre = DVec3::new(0.1 * height * cos, 0.1 * height * sin, share * height);
-        parts.push(part(Shape::Ball { centre, radius: radius * height }, leaves));
+        let centre = [0.1 * height * cos, 0.1 * height * sin, share * height];
+        parts.push(ball(centre, radius * height, leaves));
     }
     Body::new("Vegetation", 5, salt, parts)
 }
@@ -157,10 +145,7 @@ pub(super) fn tree(height: f64, turn: f64, salt: u32) -> Body {
 /// A lamp post.
 pub(super) fn post(salt: u32) -> Body {
     let steel = Paint::Plain { color: DVec3::splat(0.3), grain: 0.4 };
-    let parts = vec![
-        part(Shape::Column { centre: DVec3::new(0.0, 0.0, 3.0), radius: 0.09, half_height: 3.0 }, steel),
-        cuboid([0.0, 0.6, 6.0], [0.25, 1.4, 0.12], steel),
-    ];
+    let parts = vec![column([0.0, 0.0, 3.0], 0.09, steel), cuboid([0.0, 0.6, 6.0], [0.25, 1.4, 0.12], steel)];
     Body::new("Other Static Object", 42, salt, parts)
 }
 

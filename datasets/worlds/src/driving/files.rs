@@ -1,6 +1,6 @@
 //! Pickled tables of a synthetic log.
 
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DQuat, DVec3};
 
 use super::lidar::Return;
 use super::records::{middle, placed};
@@ -56,9 +56,7 @@ pub(super) fn cuboids(rig: &Rig<'_>, frame: usize) -> Vec<u8> {
     // The box is centred on the body, whose middle may be ahead of its origin.
     let centre = |i: usize| {
         let middle = 0.5 * (body(i).low + body(i).high);
-        let (sin, cos) = near[i].1.yaw.sin_cos();
-        let turned = DVec3::new(cos * middle.x - sin * middle.y, sin * middle.x + cos * middle.y, middle.z);
-        near[i].1.position.extend(0.0) + turned
+        near[i].1.position.extend(0.0) + DQuat::from_rotation_z(near[i].1.yaw) * middle
     };
     let uuid = texts(&|i| Some(track(near[i].0.number)));
     let label = texts(&|i| Some(body(i).label.to_string()));

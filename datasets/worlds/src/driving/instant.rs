@@ -1,53 +1,40 @@
-//! The street at a time: the nearest surface along a ray, its light, and how it moves.
+//! The street at a time: the nearest surface along a ray, its light and its motion.
 
 use glam::{DVec2, DVec3};
 
 use super::body::Part;
 use super::paint::{Ground, Paint};
-use super::shape::SKIN;
 use super::street::{Street, Thing};
-use crate::tracer::shape::Ray;
+use crate::tracer::motion::Pose;
+use crate::tracer::shape::{Ray, span};
+use crate::tracer::solid;
 use crate::tracer::texture::noise;
 
-/// Where the ground ends, metres from the ray's origin: the rest is haze.
+/// The ground begins and ends at these distances from a ray's origin, metres: it does not shade itself, and the rest is
+/// haze.
+const NEAR: f64 = 1e-4;
 const FAR: f64 = 260.0;
 
 /// Light of the sun and of the sky, linear.
 const SUN: DVec3 = DVec3::new(2.1, 2.0, 1.8);
 const SKY: DVec3 = DVec3::new(0.5, 0.56, 0.66);
 
-/// A body where it stands.
+/// A body at its pose.
 #[derive(Debug, Clone, Copy)]
 struct Placed<'s> {
     thing: &'s Thing,
-    position: DVec2,
-    cos: f64,
-    sin: f64,
+    pose: Pose,
     /// A ball around it.
     centre: DVec3,
     radius: f64,
 }
 
 impl Placed<'_> {
-    fn direction(&self, v: DVec3) -> DVec3 {
-        DVec3::new(self.cos * v.x + self.sin * v.y, self.cos * v.y - self.sin * v.x, v.z)
-    }
-
-    fn back(&self, v: DVec3) -> DVec3 {
-        DVec3::new(self.cos * v.x - self.sin * v.y, self.sin * v.x + self.cos * v.y, v.z)
-    }
-
-    fn local(&self, ray: &Ray) -> Ray {
-        let origin = self.direction(ray.origin - self.position.extend(0.0));
-        Ray { origin, direction: self.direction(ray.direction) }
-    }
-
-    /// Whether a ray comes near.
-    fn is_near(&self, ray: &Ray) -> bool {
-        let to = self.centre - ray.origin;
-        let along = to.dot(ray.direction);
-        let outside = to.length_squared() - self.radius * self.radius;
-        outside <= 0.0 || (along > 0.0 && along * along >= outside)
+    /// The nearest crossing of a ray with the body, in the body's axes, and the ray there.
+    fn meet(&self, ray: &Ray) -> Option<(Ray, solid::Hit)> {
+        span(&Ray { origin: ray.origin - self.centre, direction: ray.direction }, self.radius)?;
+        let local = ray.local(self.pose.rotation, self.pose.position);
+        Some((local, self.thing.body.solid.nearest(&local)?))
     }
 }
 
@@ -81,19 +68,9 @@ impl<'s> Instant<'s> {
     /// Everything where it is at `time`, seconds.
     pub fn new(street: &'s Street, time: f64) -> Self {
         let place = |thing: &'s Thing| {
-            let stand = thing.path.at(time);
-            let (sin, cos) = stand.yaw.sin_cos();
-            let middle = 0.5 * (thing.body.low + thing.body.high);
-            let mut placed = Placed {
-                thing,
-                position: stand.position,
-                cos,
-                sin,
-                centre: middle,
-                radius: 0.5 * thing.body.size().length(),
-            };
-            placed.centre = placed.back(middle) + stand.position.extend(0.0);
-            placed
+            let pose = thing.path.at(time).pose();
+            let centre = pose.position + pose.rotation * (0.5 * (thing.body.low + thing.body.high));
+            Placed { thing, pose, centre, radius: 0.5 * thing.body.size().length() }
         };
         Self { street, time, placed: street.things.iter().map(place).collect() }
     }
@@ -126,25 +103,19 @@ impl<'s> Instant<'s> {
     /// The nearest surface along a ray among candidates and the ground.
     pub fn meet(&self, ray: &Ray, candidates: &Candidates) -> Option<Hit<'s>> {
         let t = -ray.origin.z / ray.direction.z;
-        let ground = (t > SKIN && t < FAR).then(|| {
+        let ground = (t > NEAR && t < FAR).then(|| {
             let position = ray.at(t);
             Hit { t, position, normal: DVec3::Z, on: None, local: position, local_normal: DVec3::Z }
         });
         let mut nearest = ground;
         for placed in candidates.0.iter().map(|index| &self.placed[*index as usize]) {
-            if !placed.is_near(ray) {
-                continue;
-            }
-            let local = placed.local(ray);
-            let Some((t, normal, part)) = placed.thing.body.meet(&local) else { continue };
+            let Some((local, solid::Hit { t, normal, part, .. })) = placed.meet(ray) else { continue };
             if nearest.as_ref().is_none_or(|hit| t < hit.t) {
-                let on = Some((placed.thing, &placed.thing.body.parts[part]));
-                let normal_here = placed.back(normal);
                 nearest = Some(Hit {
                     t,
                     position: ray.at(t),
-                    normal: normal_here,
-                    on,
+                    normal: placed.pose.rotation * normal,
+                    on: Some((placed.thing, &placed.thing.body.solid.parts[part])),
                     local: local.at(t),
                     local_normal: normal,
                 });
@@ -175,7 +146,7 @@ impl<'s> Instant<'s> {
     }
 
     fn is_hidden(&self, ray: &Ray) -> bool {
-        self.placed.iter().any(|placed| placed.is_near(ray) && placed.thing.body.meet(&placed.local(ray)).is_some())
+        self.placed.iter().any(|placed| placed.meet(ray).is_some())
     }
 
     /// The sky in a direction, linear.
@@ -192,11 +163,8 @@ impl<'s> Instant<'s> {
     /// How far a surface moves in the next `interval` seconds, metres.
     pub fn flow(&self, hit: &Hit<'_>, interval: f64) -> DVec3 {
         let Some((thing, _)) = hit.on.filter(|(thing, _)| thing.path.moves()) else { return DVec3::ZERO };
-        let later = thing.path.at(self.time + interval);
-        let (sin, cos) = later.yaw.sin_cos();
-        let (x, y) = (hit.local.x, hit.local.y);
-        let p = later.position + DVec2::new(cos * x - sin * y, sin * x + cos * y);
-        (p - hit.position.truncate()).extend(0.0)
+        let later = thing.path.at(self.time + interval).pose();
+        (later.position + later.rotation * hit.local - hit.position).with_z(0.0)
     }
 
     /// PandaSet's class of a surface.

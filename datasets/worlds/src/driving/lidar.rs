@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::instant::Instant;
 use super::rig::{Rig, TURN};
+use crate::random::gaussian;
 use crate::tracer::shape::Ray;
 
 /// Nearest and farthest return, metres.
@@ -62,10 +63,4 @@ pub(super) fn sweep(rig: &Rig<'_>, frame: usize) -> Vec<Return> {
         }
     }
     returns
-}
-
-/// A draw of the normal distribution with deviation 1 (Box and Muller).
-pub(super) fn gaussian(rng: &mut ChaCha8Rng) -> f64 {
-    let (u, v) = (rng.random_range(f64::MIN_POSITIVE..1.0), rng.random::<f64>());
-    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }

@@ -2,14 +2,14 @@
 //!
 //! [`write()`] makes one log: a vehicle with up to six cameras and a spinning LiDAR drives along a street with
 //! buildings, trees, parked vehicles and moving ones: some brake, some turn at the crossing, cyclists ride and people
-//! walk. Each seed is another street with other traffic. Nothing here is shared with the rasterizer that learns from
-//! these logs.
+//! walk. Each seed is another street with other traffic. Shapes and rays are those of `tracer/`. Nothing here is
+//! shared with the rasterizer that learns from these logs.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `options.rs` | [`StreetOptions`] |
 //! | `path.rs` | paths over time in closed form |
-//! | `shape.rs`, `body.rs`, `paint.rs` | forms and where rays meet them; vehicles, people, trees, houses; their colours |
+//! | `body.rs`, `paint.rs` | vehicles, people, trees and houses; their colours |
 //! | `street.rs`, `traffic.rs` | the street of a seed, and what moves on it |
 //! | `instant.rs` | the street at a time: nearest surface along a ray, light, shadow |
 //! | `rig.rs`, `film.rs`, `lidar.rs` | sensors, images and sweeps |
@@ -36,7 +36,6 @@ mod paint;
 mod path;
 mod records;
 mod rig;
-mod shape;
 mod street;
 mod traffic;
 mod write;

@@ -1,15 +1,24 @@
 //! Paths of vehicles and people in closed form: a straight line, an arc, a straight line, driven with one change of
 //! speed.
 
-use glam::DVec2;
+use glam::{DQuat, DVec2};
 
-/// Where something stands, seen from above.
+use crate::tracer::motion::Pose;
+
+/// The position and heading of a body, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Stand {
     /// Metres, street axes: x along the street, y to its left.
     pub position: DVec2,
     /// Heading from the x axis, radians.
     pub yaw: f64,
+}
+
+impl Stand {
+    /// The pose on the ground.
+    pub fn pose(&self) -> Pose {
+        Pose { rotation: DQuat::from_rotation_z(self.yaw), position: self.position.extend(0.0) }
+    }
 }
 
 /// A turn: how far the path is straight before it, its radius (metres) and its angle (radians, to the left above 0).
@@ -62,7 +71,7 @@ impl Path {
         (self.speed * begin + self.speed * since + 0.5 * acceleration * since * since + speed * after, speed)
     }
 
-    /// Where it is at time `t`.
+    /// The position and heading at time `t`.
     pub fn at(&self, t: f64) -> Stand {
         let s = self.driven(t).0;
         let Stand { position, yaw } = self.start;

@@ -15,11 +15,11 @@ use serde_json::{Value, json};
 
 use super::film::{Picture, View};
 use super::instant::Instant;
-use super::lidar::{self, gaussian};
 use super::options::StreetOptions;
 use super::rig::Rig;
 use super::street::Street;
-use super::{files, records};
+use super::{files, lidar, records};
+use crate::random::gaussian;
 use gs_driving::layout::{
     CAMERA, CAMERAS, CUBOIDS, LIDAR, SEMSEG, TRUTH_POINTS, compress, encode_truth_image, truth_image_file,
 };

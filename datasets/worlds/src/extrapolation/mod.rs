@@ -19,86 +19,51 @@ mod write;
 #[cfg(test)]
 mod tests;
 
-use std::fmt;
-use std::str::FromStr;
-
 pub use priors::PriorErrors;
 pub use write::write;
+
+use crate::named::named;
 
 /// Frames up to this time are for training; NVFi's split.
 pub const LAST_TRAINING_TIME: f64 = 0.75;
 
-/// Descriptions of the worlds.
-const FAN: &str = include_str!("../../scenes/extrapolation/fan.toml");
-const FALLING_BALL: &str = include_str!("../../scenes/extrapolation/falling-ball.toml");
-const SLIDER: &str = include_str!("../../scenes/extrapolation/slider.toml");
-const PENDULUM: &str = include_str!("../../scenes/extrapolation/pendulum.toml");
-const HINGE: &str = include_str!("../../scenes/extrapolation/hinge.toml");
-const TELESCOPE: &str = include_str!("../../scenes/extrapolation/telescope.toml");
-const SPINNER: &str = include_str!("../../scenes/extrapolation/spinner.toml");
-const DUO: &str = include_str!("../../scenes/extrapolation/duo.toml");
-const ROOM: &str = include_str!("../../scenes/extrapolation/room.toml");
-
-/// The worlds. All but the last are objects before a transparent background.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum World {
-    /// A rotor turns steadily on a stand.
-    Fan,
-    /// A ball falls freely beside a still object.
-    FallingBall,
-    /// A box slides past a still object and slows down.
-    Slider,
-    /// A bob on a rod swings in a frame.
-    Pendulum,
-    /// The lid of a box opens ever faster.
-    Hinge,
-    /// Three nested bodies move apart, each at its own steady velocity.
-    Telescope,
-    /// A lopsided body turns ever faster.
-    Spinner,
-    /// A thrown ball, and a box that drifts and turns.
-    Duo,
-    /// A textured room with a sliding box, a spinning top, a pendulum and a rising box.
-    Room,
+named! {
+    /// The worlds. All but the last are objects before a transparent background.
+    pub enum World {
+        /// A rotor turns steadily on a stand.
+        Fan = "fan",
+        /// A ball falls freely beside a still object.
+        FallingBall = "falling-ball",
+        /// A box slides past a still object and slows down.
+        Slider = "slider",
+        /// A bob on a rod swings in a frame.
+        Pendulum = "pendulum",
+        /// The lid of a box opens ever faster.
+        Hinge = "hinge",
+        /// Three nested bodies move apart at steady velocities.
+        Telescope = "telescope",
+        /// A lopsided body turns ever faster.
+        Spinner = "spinner",
+        /// A thrown ball, and a box that drifts and turns.
+        Duo = "duo",
+        /// A room with a sliding box, a spinning top, a pendulum and a rising box.
+        Room = "room",
+    }
 }
 
 impl World {
-    /// All worlds.
-    pub const ALL: [Self; 9] = [
-        Self::Fan,
-        Self::FallingBall,
-        Self::Slider,
-        Self::Pendulum,
-        Self::Hinge,
-        Self::Telescope,
-        Self::Spinner,
-        Self::Duo,
-        Self::Room,
-    ];
-
-    /// The name, the motion in a few words, and the description.
-    fn row(self) -> [&'static str; 3] {
+    fn description(self) -> &'static str {
         match self {
-            Self::Fan => ["fan", "A rotor turns steadily on a stand", FAN],
-            Self::FallingBall => ["falling-ball", "A ball falls freely beside a still object", FALLING_BALL],
-            Self::Slider => ["slider", "A box slides past a still object and slows down", SLIDER],
-            Self::Pendulum => ["pendulum", "A bob on a rod swings in a frame", PENDULUM],
-            Self::Hinge => ["hinge", "The lid of a box opens ever faster", HINGE],
-            Self::Telescope => ["telescope", "Three nested bodies move apart at steady velocities", TELESCOPE],
-            Self::Spinner => ["spinner", "A lopsided body turns ever faster", SPINNER],
-            Self::Duo => ["duo", "A thrown ball, and a box that drifts and turns", DUO],
-            Self::Room => ["room", "A room with a sliding box, a spinning top, a pendulum and a rising box", ROOM],
+            Self::Fan => include_str!("../../scenes/extrapolation/fan.toml"),
+            Self::FallingBall => include_str!("../../scenes/extrapolation/falling-ball.toml"),
+            Self::Slider => include_str!("../../scenes/extrapolation/slider.toml"),
+            Self::Pendulum => include_str!("../../scenes/extrapolation/pendulum.toml"),
+            Self::Hinge => include_str!("../../scenes/extrapolation/hinge.toml"),
+            Self::Telescope => include_str!("../../scenes/extrapolation/telescope.toml"),
+            Self::Spinner => include_str!("../../scenes/extrapolation/spinner.toml"),
+            Self::Duo => include_str!("../../scenes/extrapolation/duo.toml"),
+            Self::Room => include_str!("../../scenes/extrapolation/room.toml"),
         }
-    }
-
-    /// The world's name in lower case, as [`FromStr`] reads it.
-    pub fn name(self) -> &'static str {
-        self.row()[0]
-    }
-
-    /// The motion in it, in a few words.
-    pub fn in_words(self) -> &'static str {
-        self.row()[1]
     }
 
     /// Whether the world is a room. The others are objects before a transparent background.
@@ -109,21 +74,6 @@ impl World {
     /// Cameras, held-out ones included, and held-out cameras of NVFi's sets of this kind.
     pub fn usual_cameras(self) -> (usize, usize) {
         if self.is_room() { (25, 5) } else { (15, 3) }
-    }
-}
-
-impl fmt::Display for World {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for World {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|world| world.name() == name);
-        found.ok_or_else(|| format!("expected {}, found {name:?}", Self::ALL.map(Self::name).join(", ")))
     }
 }
 

@@ -4,7 +4,7 @@
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::super::random::gaussian;
+use crate::random::gaussian;
 
 /// How wrong the priors are. The default is about what feed-forward reconstructors leave after their scale is fitted.
 #[derive(Debug, Clone, PartialEq)]

@@ -113,7 +113,7 @@ fn check(dir: &Path, options: &ExtrapolationOptions) -> Result<(), DatasetError>
 
 /// A world; textures come from `rng`.
 pub(super) fn scene(world: World, rng: &mut ChaCha8Rng) -> Scene {
-    let description = world.row()[2];
+    let description = world.description();
     if world.is_room() { Scene::described(&[description], rng) } else { Scene::described(&[description, LIGHT], rng) }
 }
 

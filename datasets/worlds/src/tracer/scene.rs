@@ -187,7 +187,7 @@ impl Scene {
             };
         }
         let position = ray.at(t);
-        let lit = self.lit_by_still(position, normal, lamp, own);
+        let lit = self.lit_by_still(position + LIFT * normal, normal, lamp, own);
         StaticPoint { t, position, normal, albedo, lamp, lit, color: self.reflect(position, normal, albedo, lamp, lit) }
     }
 
@@ -205,8 +205,9 @@ impl Scene {
         };
         let position = ray.at(hit.t);
         let albedo = self.moving[index].solid.parts[hit.part].paint.color(hit.local);
-        let lit = self.lit_by_still(position, hit.normal, still.lamp, None);
-        let lit = self.lit_by_moving(position, hit.normal, lit, bodies, Some((index, hit.part)));
+        let origin = position + LIFT * hit.normal;
+        let lit = self.lit_by_still(origin, hit.normal, still.lamp, None);
+        let lit = self.lit_by_moving(origin, lit, bodies, Some((index, hit.part)));
         RaySample { color: self.reflect(position, hit.normal, albedo, still.lamp, lit), body: Some((index, hit.t)) }
     }
 
@@ -233,47 +234,39 @@ impl Scene {
     /// The colour of a still position under the moving bodies' shadows.
     fn shaded(&self, still: &StaticPoint, bodies: &[Placed]) -> DVec3 {
         let StaticPoint { position, normal, albedo, lamp, .. } = *still;
-        let lit = self.lit_by_moving(position, normal, still.lit, bodies, None);
+        let lit = self.lit_by_moving(position + LIFT * normal, still.lit, bodies, None);
         if lit == still.lit { still.color } else { self.reflect(position, normal, albedo, lamp, lit) }
     }
 
-    /// The positions in `lit` that moving bodies do not hide; `own` is the moving body and part that the position is
-    /// on.
-    fn lit_by_moving(
-        &self,
-        position: DVec3,
-        normal: DVec3,
-        mut lit: Lit,
-        bodies: &[Placed],
-        own: Option<(usize, usize)>,
-    ) -> Lit {
-        let origin = position + LIFT * normal;
-        for (index, (body, placed)) in self.moving.iter().zip(bodies).enumerate() {
-            let except = own.filter(|(own, _)| *own == index).map(|(_, part)| part);
-            lit = self.unhidden(origin, lit, &body.solid, placed, except);
-        }
-        lit
+    /// The positions in `lit` that moving bodies do not hide from above a surface; `own` is the moving body and part
+    /// that the surface is on.
+    fn lit_by_moving(&self, origin: DVec3, lit: Lit, bodies: &[Placed], own: Option<(usize, usize)>) -> Lit {
+        self.unhidden(origin, lit, bodies.iter().zip(self.moving.iter().map(|body| &body.solid)), own)
     }
 
     /// The positions in `lamp` that a surface faces and no static body hides; `own` as above, among static bodies.
-    fn lit_by_still(&self, position: DVec3, normal: DVec3, lamp: Lit, own: Option<(usize, usize)>) -> Lit {
-        let origin = position + LIFT * normal;
-        let mut lit = lamp.keep(|i| normal.dot(self.lamp.positions[i] - origin) > 0.0);
-        for (index, (placed, solid)) in self.still.iter().enumerate() {
-            let except = own.filter(|(own, _)| *own == index).map(|(_, part)| part);
-            lit = self.unhidden(origin, lit, solid, placed, except);
-        }
-        lit
+    fn lit_by_still(&self, origin: DVec3, normal: DVec3, lamp: Lit, own: Option<(usize, usize)>) -> Lit {
+        let lit = lamp.keep(|i| normal.dot(self.lamp.positions[i] - origin) > 0.0);
+        self.unhidden(origin, lit, self.still.iter().map(|(placed, solid)| (placed, solid)), own)
     }
 
-    /// The positions in `lit` that a body does not hide from `origin`; `except` is the part of the body it is on.
-    fn unhidden(&self, origin: DVec3, lit: Lit, solid: &Solid, placed: &Placed, except: Option<usize>) -> Lit {
-        let is_alone = except.is_some() && solid.parts.len() == 1;
-        if lit.0 == 0 || is_alone || !self.may_shade(origin, placed.pose.position, solid.radius) {
-            return lit;
+    /// The positions in `lit` that no body hides from `origin`; `own` is the body and part that it is on.
+    fn unhidden<'a>(
+        &self,
+        origin: DVec3,
+        mut lit: Lit,
+        bodies: impl Iterator<Item = (&'a Placed, &'a Solid)>,
+        own: Option<(usize, usize)>,
+    ) -> Lit {
+        for (index, (placed, solid)) in bodies.enumerate() {
+            let except = own.filter(|(own, _)| *own == index).map(|(_, part)| part);
+            let is_alone = except.is_some() && solid.parts.len() == 1;
+            if lit.0 != 0 && !is_alone && self.may_shade(origin, placed.pose.position, solid.radius) {
+                let local = placed.pose.rotation.conjugate() * (origin - placed.pose.position);
+                lit = lit.keep(|i| !solid.is_between(local, placed.lamp[i] - local, except));
+            }
         }
-        let origin = placed.pose.rotation.conjugate() * (origin - placed.pose.position);
-        lit.keep(|i| !solid.is_between(origin, placed.lamp[i] - origin, except))
+        lit
     }
 
     /// Light that leaves a position (linear, not above 1) when `lit` of the lamp's positions `lamp` light it.

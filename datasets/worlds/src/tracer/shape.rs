@@ -52,6 +52,11 @@ pub(crate) enum Shape {
         #[serde(deserialize_with = "vector")]
         half: DVec3,
     },
+    /// Upright, closed above.
+    Column {
+        radius: f64,
+        half_height: f64,
+    },
     /// Around the z axis: circles of radius `minor` around a circle of radius `major`.
     Torus {
         major: f64,
@@ -70,16 +75,28 @@ impl Shape {
         match *self {
             Self::Sphere { radius } => radius,
             Self::Cuboid { half } => half.length(),
+            Self::Column { radius, half_height } => radius.hypot(half_height),
             Self::Torus { major, minor } => major + minor,
             Self::Bumpy { radius, relief } => radius * (1.0 + relief),
         }
     }
 
-    /// The nearest crossing in front of the ray's origin.
+    /// Half the sides of the upright box around the shape, metres.
+    pub fn half(&self) -> DVec3 {
+        match *self {
+            Self::Cuboid { half } => half,
+            Self::Column { radius, half_height } => DVec3::new(radius, radius, half_height),
+            Self::Torus { major, minor } => DVec3::new(major + minor, major + minor, minor),
+            Self::Sphere { .. } | Self::Bumpy { .. } => DVec3::splat(self.radius()),
+        }
+    }
+
+    /// The nearest crossing in front of the ray's origin; of boxes and columns only from outside.
     pub fn intersect(&self, ray: &Ray) -> Option<Crossing> {
         match *self {
             Self::Sphere { radius } => sphere(ray, radius),
             Self::Cuboid { half } => cuboid(ray, half),
+            Self::Column { radius, half_height } => column(ray, radius, half_height),
             Self::Torus { .. } | Self::Bumpy { .. } => self.march(ray),
         }
     }
@@ -104,6 +121,9 @@ impl Shape {
             Self::Bumpy { radius, relief } => position.length() - radius * (1.0 + relief * bumps(position)),
             Self::Sphere { radius } => position.length() - radius,
             Self::Cuboid { half } => (position.abs() - half).max_element(),
+            Self::Column { radius, half_height } => {
+                (position.truncate().length() - radius).max(position.z.abs() - half_height)
+            }
         }
     }
 
@@ -190,6 +210,23 @@ fn cuboid(ray: &Ray, half: DVec3) -> Option<Crossing> {
     Some(Crossing { t: enter, normal: axis * local.dot(axis).signum() })
 }
 
+fn column(ray: &Ray, radius: f64, half_height: f64) -> Option<Crossing> {
+    let (o, d) = (ray.origin, ray.direction);
+    let flat = d.truncate().length_squared();
+    let b = o.truncate().dot(d.truncate());
+    let root = b * b - flat * (o.truncate().length_squared() - radius * radius);
+    if root > 0.0 && flat > 0.0 {
+        let t = (-b - root.sqrt()) / flat;
+        let p = ray.at(t);
+        if t > SKIN && p.z.abs() <= half_height {
+            return Some(Crossing { t, normal: (p.truncate() / radius).extend(0.0) });
+        }
+    }
+    let t = (half_height - o.z) / d.z;
+    let is_top = t.is_finite() && t > SKIN && d.z < 0.0 && ray.at(t).truncate().length_squared() <= radius * radius;
+    is_top.then_some(Crossing { t, normal: DVec3::Z })
+}
+
 /// The distances at which the line of a ray crosses a sphere around the origin.
 fn roots(ray: &Ray, radius: f64) -> Option<(f64, f64)> {
     let half_b = ray.origin.dot(ray.direction);
@@ -206,4 +243,31 @@ pub(crate) fn span(ray: &Ray, radius: f64) -> Option<(f64, f64)> {
 pub(crate) fn passes(origin: DVec3, way: DVec3, radius: f64) -> bool {
     let nearest = (-origin.dot(way) / way.length_squared()).clamp(0.0, 1.0);
     (origin + nearest * way).length_squared() <= radius * radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_meet_shapes_from_outside() {
+        let ray = Ray { origin: DVec3::new(-5.0, 0.2, 0.1), direction: DVec3::X };
+        let column = Shape::Column { radius: 1.0, half_height: 1.0 };
+        let cases = [
+            (Shape::Cuboid { half: DVec3::ONE }, 4.0),
+            (Shape::Sphere { radius: 1.0 }, 5.0 - (1.0_f64 - 0.05).sqrt()),
+            (column, 5.0 - (1.0_f64 - 0.04).sqrt()),
+        ];
+        for (shape, expected) in cases {
+            let crossing = shape.intersect(&ray).expect("a crossing");
+            assert!((crossing.t - expected).abs() < 1e-12 && crossing.normal.x < -0.9, "{shape:?}: {crossing:?}");
+            assert!(shape.intersect(&Ray { direction: -DVec3::X, ..ray }).is_none(), "behind: {shape:?}");
+        }
+        for shape in [Shape::Cuboid { half: DVec3::ONE }, column] {
+            let inside = Ray { origin: DVec3::new(0.1, 0.1, 0.1), ..ray };
+            assert!(shape.intersect(&inside).is_none(), "from inside: {shape:?}");
+        }
+        let down = Ray { origin: DVec3::new(0.3, 0.0, 4.0), direction: -DVec3::Z };
+        assert!(column.intersect(&down).is_some_and(|top| top.t == 3.0 && top.normal == DVec3::Z));
+    }
 }

@@ -36,6 +36,14 @@ pub(crate) enum Pattern {
     Ball,
     /// The skin of a bumpy sphere: colour by height, pale and dark marks.
     Skin,
+    /// Squares of the first two colours, seen from above.
+    Checker,
+    /// Cubes of the first two colours.
+    Blocks,
+    /// Soft level bands of the first two colours.
+    Bands,
+    /// Soft swirls of the first two colours.
+    Swirls,
 }
 
 /// Cells are moved by this share of their side, so that no face of an object or room lies in the plane between two.
@@ -46,6 +54,8 @@ impl Texture {
     pub fn color(&self, position: DVec3) -> DVec3 {
         let [a, b, c] = self.colors;
         let p = position / self.size;
+        let parity = |cells: DVec3| (cells.x + cells.y + cells.z).rem_euclid(2.0);
+        let wave = |u: f64| 0.5 + 0.5 * (TAU * u).sin();
         match self.pattern {
             Pattern::Mosaic => {
                 let shifted = p + CELL_OFFSET;
@@ -81,7 +91,7 @@ impl Texture {
             }
             Pattern::Fur => {
                 let bend = 1.6 * noise(0.9 * p, self.salt);
-                let stripe = 0.5 + 0.5 * (TAU * (p.z + 0.4 * p.x + bend)).sin();
+                let stripe = wave(p.z + 0.4 * p.x + bend);
                 let color = a.lerp(b, smooth(0.35, 0.65, stripe)) * (0.6 + 0.8 * noise(4.0 * p, self.salt ^ 1));
                 if noise(2.3 * p, self.salt ^ 2) > 0.73 { c } else { color }
             }
@@ -99,6 +109,11 @@ impl Texture {
                     patch * (0.75 + 0.5 * noise(p, self.salt))
                 }
             }
+            Pattern::Checker => a.lerp(b, parity(p.with_z(0.0).floor())),
+            // Half a cell off, so that a cell lies in the middle of each face.
+            Pattern::Blocks => a.lerp(b, parity((p + 0.5).floor())),
+            Pattern::Bands => a.lerp(b, wave(p.z)),
+            Pattern::Swirls => a.lerp(b, wave(p.x + 0.35 * (9.0 * position.y).sin() + 0.5 * p.z)),
             Pattern::Skin => {
                 let height = smooth(-0.5, 0.6, bumps(position));
                 let mark = noise(p, self.salt);

@@ -145,8 +145,9 @@ fn depth_and_velocity_lie_on_the_ball() {
     }
 }
 
-/// A surface that one camera sees must be where another sees it: nothing may lie behind what the other one sees there. Depth of
-/// the nearest pixel stands in for the depth at a place, so slanted surfaces and edges may differ by more than 3 %.
+/// A surface that one camera sees must be where another sees it: nothing may lie behind what the other one sees there.
+/// Depth of the nearest pixel stands in for the depth at a place, so slanted surfaces and edges may differ by more than
+/// 3 %.
 #[test]
 fn depth_agrees_between_cameras() {
     let options = DeblurOptions { cameras: 2, held_out: 0, frames: 1, ..small(World::Monkey) };

@@ -31,18 +31,17 @@ pub fn run(args: &ChartArgs) -> Result<ExitCode> {
     found.warnings.iter().for_each(|warning| eprintln!("warning: {}", printable(warning)));
     let others = args.beside.as_deref().map_or(Ok(Vec::new()), read_others)?;
     let (compared, command) = (Comparison::new(&found, &others), command_line());
-    let Comparison { panels, tables, .. } = &compared;
+    let Comparison { charts, tables, .. } = &compared;
     // Printed first: tables need no file, so they are shown even if a file cannot be written.
     tables.iter().for_each(|table| print(format!("{}\n", table.text())));
     if let Some(verdict) = enough(&found.runs) {
         print(verdict);
     }
     if extension == "html" {
-        let html = page("Runs", std::slice::from_ref(&compared), &command);
-        write_atomic(&args.out, html.as_bytes())?;
+        write_atomic(&args.out, page(&compared, &command).as_bytes())?;
         print(format!("page   {}", args.out.display()));
     } else {
-        write_atomic(&args.out, stacked(&panels.charts, &command).as_bytes())?;
+        write_atomic(&args.out, stacked(charts, &command).as_bytes())?;
         write_atomic(
             &markdown,
             outputs::marked_markdown(&tables.iter().map(Table::markdown).collect::<Vec<_>>().join("\n")).as_bytes(),

@@ -18,17 +18,16 @@ mod testing;
 
 pub use others::{Other, read_others};
 pub use page::{add_to_report, page, stacked};
-pub use panels::Panels;
+pub use seeds::Spread;
+
+use scatter::Scatter;
 
 use gsburn::report::comparison::{Gathered, Table, by_cpu};
 
 /// Runs on one data set compared.
 #[derive(Debug)]
 pub struct Comparison {
-    /// Its heading.
-    pub title: String,
-    /// Charts.
-    pub panels: Panels,
+    pub charts: Vec<Scatter>,
     /// Tables: every measurement, means over seeds, costs of qualities.
     pub tables: Vec<Table>,
     /// One sentence for each run that is left out.
@@ -40,10 +39,11 @@ impl Comparison {
     pub fn new(found: &Gathered, others: &[Other]) -> Self {
         let runs = &found.runs;
         let curves = seeds::curves(runs);
+        let mut charts = panels::panels(runs, &curves);
+        others::add_others(&mut charts, others);
         let costs = soonest::soonest(&curves, others, by_cpu(runs));
         Self {
-            title: "Accuracy against cost".into(),
-            panels: Panels::new(runs, &curves).beside(others),
+            charts,
             tables: std::iter::once(Table::new(runs)).chain(seeds::spreads(&curves)).chain(costs).collect(),
             warnings: found.warnings.clone(),
         }

@@ -6,8 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use gs_base::printable;
 
-use super::Panels;
-use super::scatter::{COLORS, Dot};
+use super::scatter::{COLORS, Dot, Scatter};
 
 /// First line of the file.
 pub const HEADER: &str = "program,seconds,psnr";
@@ -15,7 +14,6 @@ pub const HEADER: &str = "program,seconds,psnr";
 /// A program's measurements.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Other {
-    /// Its name.
     pub name: String,
     /// Seconds of training and held-out PSNR, dB, in the order of the file.
     pub points: Vec<(f64, f64)>,
@@ -58,28 +56,26 @@ fn parsed(line: &str) -> Option<(&str, (f64, f64))> {
     (seconds.is_finite() && seconds > 0.0 && psnr.is_finite()).then_some((name, (seconds, psnr)))
 }
 
-impl Panels {
-    /// The same with the measurements of other programs in the chart of whole images against time.
-    pub fn beside(mut self, others: &[Other]) -> Self {
-        let color = COLORS.len() - 1;
-        for chart in self.charts.iter_mut().filter(|chart| chart.is_of_whole_images()) {
-            for Other { name, points } in others {
-                for (k, (x, y)) in points.iter().copied().enumerate() {
-                    let last = k + 1 == points.len();
-                    let tip = format!("{name}: {y:.2} dB at {x:.1}");
-                    let label = last.then(|| name.clone());
-                    chart.dots.push(Dot { x, y, range: None, color, label, last, front: false, tip });
-                }
-                chart.trails.push((color, points.clone()));
+/// Adds the measurements of other programs to the chart of whole images against time.
+pub fn add_others(charts: &mut [Scatter], others: &[Other]) {
+    let color = COLORS.len() - 1;
+    for chart in charts.iter_mut().filter(|chart| chart.is_of_whole_images()) {
+        for Other { name, points } in others {
+            for (k, (x, y)) in points.iter().copied().enumerate() {
+                let last = k + 1 == points.len();
+                let tip = format!("{name}: {y:.2} dB at {x:.1}");
+                let label = last.then(|| name.clone());
+                chart.dots.push(Dot { x, y, range: None, color, label, last, front: false, tip });
             }
+            chart.trails.push((color, points.clone()));
         }
-        self
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::comparison::panels::panels;
     use crate::comparison::seeds::curves;
     use crate::comparison::soonest::soonest;
     use crate::comparison::testing::run;
@@ -99,9 +95,10 @@ mod tests {
         let expected = [("OpenSplat", vec![(330.0, 26.28), (1100.0, 27.25)]), ("Brush, on a CPU", vec![(750.0, 25.7)])];
         assert_eq!(others, expected.map(|(name, points)| Other { name: name.into(), points }));
         let ours = [run("ours", 30.0, None)];
-        let panels = Panels::new(&ours, &curves(&ours));
-        let before = panels.charts[0].dots.len();
-        let chart = &panels.beside(&others).charts[0];
+        let mut charts = panels(&ours, &curves(&ours));
+        let before = charts[0].dots.len();
+        add_others(&mut charts, &others);
+        let chart = &charts[0];
         assert_eq!(chart.dots.len(), before + 3);
         assert!(chart.dots.iter().any(|dot| dot.label.as_deref() == Some("OpenSplat") && dot.last));
         let tables = soonest(&curves(&ours), &others, true);

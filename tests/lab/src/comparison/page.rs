@@ -36,19 +36,19 @@ pub fn stacked<'a>(charts: impl IntoIterator<Item = &'a Scatter>, command: &str)
 
 /// Charts, tables, warnings and the command that made them.
 fn section(comparison: &Comparison, command: &str) -> String {
-    let Comparison { title, panels, tables, warnings } = comparison;
-    let mut html = format!("<!-- {MARK} -->\n<section>\n<h2>{}</h2>\n<div class=\"plots\">\n", escaped(title));
-    panels.charts.iter().for_each(|chart| html += &format!("<figure>{}</figure>\n", chart.svg()));
+    let Comparison { charts, tables, warnings } = comparison;
+    let mut html = format!("<!-- {MARK} -->\n<section>\n<h2>Accuracy against cost</h2>\n<div class=\"plots\">\n");
+    charts.iter().for_each(|chart| html += &format!("<figure>{}</figure>\n", chart.svg()));
     html += "</div>\n";
     warnings.iter().for_each(|warning| html += &format!("<p>{}</p>\n", escaped(&printable(warning))));
     tables.iter().for_each(|table| html += &table.html());
     html + &format!("<p>Made by <code>{}</code></p>\n</section>\n", escaped(&printable(command)))
 }
 
-/// A page of its own that needs no other file, with a section for each comparison.
-pub fn page(title: &str, comparisons: &[Comparison], command: &str) -> String {
-    let sections: String = comparisons.iter().map(|comparison| section(comparison, command)).collect();
-    html::page(title, "", &format!("<header>\n<h1>{}</h1>\n</header>\n{sections}", html::name(title)))
+/// A page of its own that needs no other file.
+pub fn page(comparison: &Comparison, command: &str) -> String {
+    let section = section(comparison, command);
+    html::page("Runs", "", &format!("<header>\n<h1>{}</h1>\n</header>\n{section}", html::name("Runs")))
 }
 
 /// Puts the comparison into the report.html of a run, in place of an earlier one, and saves it beside it, so that a new

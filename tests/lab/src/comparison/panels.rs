@@ -19,13 +19,6 @@ const SAME_COUNT: f64 = 0.05;
 /// Measurements of a run from which on they are a curve, whose SSIM is worth a chart beside the PSNR.
 const CURVE: usize = 3;
 
-/// The charts, and the meaning of their points and colours.
-#[derive(Debug)]
-pub struct Panels {
-    /// The charts.
-    pub charts: Vec<Scatter>,
-}
-
 /// The axis of whole images.
 const WHOLE: &str = "held-out PSNR, dB";
 
@@ -38,39 +31,37 @@ impl Scatter {
 
 type Value<'a> = dyn Fn(&Evaluation) -> Option<f64> + 'a;
 
-impl Panels {
-    /// Charts of moving parts, if they were measured, then of whole images; each against seconds, and against the
-    /// number of Gaussians if that differs. Runs that were measured several times on the way also have a chart of SSIM.
-    ///
-    /// `curves` are those of the runs: a curve of several seeds is drawn by its means, with a bar from the lowest to
-    /// the highest.
-    pub fn new(runs: &[ComparedRun], curves: &[Curve]) -> Self {
-        let cpu = by_cpu(runs);
-        let marks = Marks::new(&curves.iter().map(|curve| curve.shown.clone()).collect::<Vec<_>>());
-        let time = if cpu { "CPU seconds of training, all threads" } else { "wall-clock seconds of training" };
-        let (moving, whole): (&Value, &Value) = (&|e| e.moving().map(|m| m.psnr), &|e| Some(e.mean().psnr));
-        let (cost, count): (&Value, &Value) = (&|e| Some(seconds(e, cpu)), &|e| Some(e.measured.size.gaussians as f64));
-        let measured = runs.iter().flat_map(ComparedRun::measurements).any(|e| e.moving().is_some());
-        let (best, best_title, best_axis) = match measured {
-            true => (moving, "Moving parts", "held-out PSNR of moving parts, dB"),
-            false => (whole, "Whole image", WHOLE),
-        };
-        let over_time =
-            |title: &str, y, shown| Scatter { log_x: true, ..marks.chart(curves, title, (time, cost), y, shown) };
-        let mut charts = vec![over_time(&format!("{best_title} against time"), (best_axis, best), decibels)];
-        if measured {
-            charts.push(over_time("Whole image against time", (WHOLE, whole), decibels));
-        }
-        if runs.iter().any(|run| run.measurements().len() >= CURVE) {
-            let ssim: &Value = &|e| Some(e.mean().ssim);
-            charts.push(over_time("Whole image against time: SSIM", ("held-out SSIM", ssim), plain));
-        }
-        if counts_differ(runs) {
-            let title = format!("{best_title} against size");
-            charts.push(marks.chart(curves, &title, ("Gaussians", count), (best_axis, best), decibels));
-        }
-        Self { charts }
+/// Charts of moving parts, if they were measured, then of whole images; each against seconds, and against the
+/// number of Gaussians if that differs. Runs that were measured several times on the way also have a chart of SSIM.
+///
+/// `curves` are those of the runs: a curve of several seeds is drawn by its means, with a bar from the lowest to
+/// the highest.
+pub fn panels(runs: &[ComparedRun], curves: &[Curve]) -> Vec<Scatter> {
+    let cpu = by_cpu(runs);
+    let marks = Marks::new(&curves.iter().map(|curve| curve.shown.clone()).collect::<Vec<_>>());
+    let time = if cpu { "CPU seconds of training, all threads" } else { "wall-clock seconds of training" };
+    let (moving, whole): (&Value, &Value) = (&|e| e.moving().map(|m| m.psnr), &|e| Some(e.mean().psnr));
+    let (cost, count): (&Value, &Value) = (&|e| Some(seconds(e, cpu)), &|e| Some(e.measured.size.gaussians as f64));
+    let measured = runs.iter().flat_map(ComparedRun::measurements).any(|e| e.moving().is_some());
+    let (best, best_title, best_axis) = match measured {
+        true => (moving, "Moving parts", "held-out PSNR of moving parts, dB"),
+        false => (whole, "Whole image", WHOLE),
+    };
+    let over_time =
+        |title: &str, y, shown| Scatter { log_x: true, ..marks.chart(curves, title, (time, cost), y, shown) };
+    let mut charts = vec![over_time(&format!("{best_title} against time"), (best_axis, best), decibels)];
+    if measured {
+        charts.push(over_time("Whole image against time", (WHOLE, whole), decibels));
     }
+    if runs.iter().any(|run| run.measurements().len() >= CURVE) {
+        let ssim: &Value = &|e| Some(e.mean().ssim);
+        charts.push(over_time("Whole image against time: SSIM", ("held-out SSIM", ssim), plain));
+    }
+    if counts_differ(runs) {
+        let title = format!("{best_title} against size");
+        charts.push(marks.chart(curves, &title, ("Gaussians", count), (best_axis, best), decibels));
+    }
+    charts
 }
 
 fn decibels(value: f64) -> String {
@@ -125,13 +116,7 @@ impl Marks {
         // Without such a setting a few runs have a colour each.
         let each = colored.is_none() && (2..COLORS.len()).contains(&runs.len());
         let colors = runs.iter().enumerate().map(|(i, run)| match colored {
-            None => {
-                if each {
-                    i
-                } else {
-                    0
-                }
-            }
+            None => i * usize::from(each),
             // A run for which the setting has no meaning has the last colour, which no value has.
             Some(key) => run
                 .setting(key)
@@ -277,7 +262,7 @@ mod tests {
         assert_eq!(marks.labels, ["with", "without"]);
         assert_eq!(marks.legend, [("with".to_string(), 0), ("without".to_string(), 1)]);
         assert!(marks.note.contains("also differing: prior.pseudo"), "{marks:?}");
-        let charts = Panels::new(&runs, &curves(&runs)).charts;
+        let charts = panels(&runs, &curves(&runs));
         assert_eq!(charts.len(), 2, "moving parts and whole image; the count is the same");
         assert!(charts[0].x.starts_with("CPU seconds"));
     }
@@ -287,7 +272,7 @@ mod tests {
         let mut still = run("still", 30.0, None);
         still.eval.evaluations[0].cost.cpu_seconds = None;
         let still = [still];
-        let charts = Panels::new(&still, &curves(&still)).charts;
+        let charts = panels(&still, &curves(&still));
         assert_eq!(charts.len(), 1);
         assert_eq!((charts[0].y.as_str(), charts[0].dots[0].x), ("held-out PSNR, dB", 60.0));
         assert!(charts[0].x.starts_with("wall-clock") && charts[0].dots[0].front);

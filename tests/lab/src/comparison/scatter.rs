@@ -34,20 +34,17 @@ pub struct Dot {
     pub range: Option<(f64, f64)>,
     /// Index into the colours.
     pub color: usize,
-    /// Its label.
     pub label: Option<String>,
     /// Whether it is the last of its run; those before it are smaller.
     pub last: bool,
     /// Whether it is on the front.
     pub front: bool,
-    /// Its tooltip.
     pub tip: String,
 }
 
 /// A chart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scatter {
-    /// Its title.
     pub title: String,
     /// A remark in small letters under the title.
     pub note: String,

@@ -36,6 +36,13 @@ impl Spread {
         let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
         (!values.is_empty()).then_some(Self { mean, low, high })
     }
+
+    /// The mean, of several values with their range.
+    pub fn shown(&self, is_several: bool, digits: usize) -> String {
+        let Self { mean, low, high } = self;
+        let range = || format!(" ({low:.digits$} to {high:.digits$})");
+        format!("{mean:.digits$}{}", if is_several { range() } else { String::new() })
+    }
 }
 
 impl Curve {
@@ -115,10 +122,8 @@ pub fn spreads(curves: &[Curve]) -> Option<Table> {
             let spread = |of: &dyn Fn(&Evaluation) -> Option<f64>| {
                 Spread::of(&measured.iter().filter_map(|e| of(e)).collect::<Vec<_>>())
             };
-            let shown = |of: &dyn Fn(&Evaluation) -> Option<f64>, digits: usize| match spread(of) {
-                None => String::new(),
-                Some(Spread { mean, .. }) if !curve.is_of_seeds() => format!("{mean:.digits$}"),
-                Some(Spread { mean, low, high }) => format!("{mean:.digits$} ({low:.digits$} to {high:.digits$})"),
+            let shown = |of: &dyn Fn(&Evaluation) -> Option<f64>, digits: usize| {
+                spread(of).map_or(String::new(), |spread| spread.shown(curve.is_of_seeds(), digits))
             };
             rows.push(vec![
                 curve.shown.name.clone(),

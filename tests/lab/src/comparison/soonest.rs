@@ -91,14 +91,13 @@ fn costs(rows: &[Row], (unit, _, digits): &Measure, of: &str) -> Option<Table> {
 /// it.
 fn cell(reached: &[Reached], digits: usize) -> String {
     let costs: Vec<f64> = reached.iter().filter_map(|reached| reached.cost()).collect();
-    let Some(Spread { mean, low, high }) = Spread::of(&costs) else { return String::new() };
+    let Some(spread) = Spread::of(&costs) else { return String::new() };
     if costs.len() < reached.len() {
         return format!("{} of {}", costs.len(), reached.len());
     }
     match reached.iter().any(|reached| matches!(reached, Reached::Before(_))) {
-        true => format!("< {high:.digits$}"),
-        false if reached.len() == 1 => format!("{mean:.digits$}"),
-        false => format!("{mean:.digits$} ({low:.digits$} to {high:.digits$})"),
+        true => format!("< {:.digits$}", spread.high),
+        false => spread.shown(reached.len() > 1, digits),
     }
 }
 

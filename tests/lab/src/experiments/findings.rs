@@ -8,13 +8,11 @@ use crate::experiments::Experiment;
 /// A bound that was set before measuring, and the measured value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Criterion {
-    /// The measured quantity.
     pub what: String,
     /// The bound, for people.
     pub bound: String,
     /// The value; `None` if nothing could be measured, which misses any bound.
     pub value: Option<f64>,
-    /// Its unit.
     pub unit: String,
     /// Whether the bound is kept.
     pub passed: bool,
@@ -122,7 +120,6 @@ impl Findings {
 pub struct Figure {
     /// The file's name in the output folder.
     pub file: String,
-    /// The drawing.
     #[serde(skip)]
     pub svg: String,
     /// The chart, with all points.
@@ -133,17 +130,13 @@ pub struct Figure {
 /// A finished experiment.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
-    /// The experiment's name.
     pub name: String,
-    /// Its question.
     pub question: String,
     /// Whether all bounds are kept.
     pub passed: bool,
     /// Bounds and values.
     pub criteria: Vec<Criterion>,
-    /// Figures.
     pub figures: Vec<Figure>,
-    /// Remarks.
     pub notes: Vec<String>,
     /// Wall-clock time, seconds.
     pub seconds: f64,

@@ -1,18 +1,17 @@
 //! Shared parts of experiments: small worlds on disk, runs with access to their state, and a bar with the time left.
 
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 use std::fmt::Debug;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Result;
-use burn::tensor::{Device, Tensor};
+use anyhow::{Result, ensure};
+use burn::tensor::Device;
 use gs_datasets::{LoadOptions, Scene, load};
 use gs_pipelines::fit::SceneMethod;
-use gs_train::config::{ConfigError, FitConfig, tables};
-use gs_train::fit::photos::Photo;
-use gs_train::fit::session::{self, Data, Stepped};
+use gs_train::config::{FitConfig, tables};
+use gs_train::fit::session::{self, Data};
 use gs_train::fit::told::MOVING;
 use gs_train::run::evaluate::{Evaluator, HeldOut};
 use gs_train::run::interrupt;
@@ -22,7 +21,7 @@ use gs_worlds::driving::StreetOptions;
 use gs_worlds::extrapolation::{self, ExtrapolationOptions};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::Request;
+use super::{Experiment, Request};
 
 /// Size of the images, pixels.
 pub const SIZE: (usize, usize) = (96, 72);
@@ -32,6 +31,12 @@ pub const SIZE: (usize, usize) = (96, 72);
 #[error("interrupted; what was finished before is in the output folder")]
 pub struct Interrupted;
 
+/// [`Interrupted`] once the user asked to end.
+pub fn go_on() -> Result<()> {
+    ensure!(!interrupt::asked(), Interrupted);
+    Ok(())
+}
+
 /// The environment of experiments.
 pub struct Lab {
     worlds: PathBuf,
@@ -39,12 +44,12 @@ pub struct Lab {
     pub data: Option<PathBuf>,
     /// Fewer variants and steps.
     pub quick: bool,
-    /// The compute device.
     pub device: Device,
     quiet: bool,
     bar: ProgressBar,
     begun: Instant,
-    name: RefCell<&'static str>,
+    /// Steps of a training of the experiment at hand.
+    steps: Cell<usize>,
     done: Cell<usize>,
     total: usize,
 }
@@ -64,16 +69,22 @@ impl Lab {
             quiet: request.quiet,
             bar,
             begun: Instant::now(),
-            name: RefCell::new(""),
+            steps: Cell::new(0),
             done: Cell::new(0),
             total,
         }
     }
 
-    /// Shows this name in the bar from now on.
-    pub fn enter(&self, name: &'static str) {
-        self.name.replace(name);
-        self.bar.set_message(name);
+    /// Trains as this experiment says from now on, and shows its name in the bar.
+    pub fn enter(&self, experiment: &Experiment) {
+        let [full, quick] = experiment.steps;
+        self.steps.set(self.either(full, quick));
+        self.bar.set_message(experiment.name);
+    }
+
+    /// Steps of a training of the experiment at hand.
+    pub fn steps(&self) -> usize {
+        self.steps.get()
     }
 
     /// Prints a line; without a bar, with the time left.
@@ -103,9 +114,6 @@ impl Lab {
     }
 
     /// A synthetic world, written once and read with all its truth.
-    ///
-    /// # Errors
-    /// When it cannot be written.
     pub fn world(&self, options: &DeblurOptions) -> Result<Scene> {
         let DeblurOptions { world, cameras, frames, .. } = options;
         let name = format!("{world}-{cameras}x{frames}");
@@ -114,9 +122,6 @@ impl Lab {
     }
 
     /// A synthetic world whose future is to be predicted, written once and read as training loads it.
-    ///
-    /// # Errors
-    /// When it cannot be written.
     pub fn future_world(&self, options: &ExtrapolationOptions) -> Result<Scene> {
         let ExtrapolationOptions { world, cameras, frames, .. } = options;
         let name = format!("{world}-{cameras}x{frames}");
@@ -125,9 +130,6 @@ impl Lab {
     }
 
     /// A driving log of a synthetic street, written once.
-    ///
-    /// # Errors
-    /// When it cannot be written.
     pub fn street(&self, options: &StreetOptions) -> Result<PathBuf> {
         let write = |folder: &Path| Ok(gs_worlds::driving::write(folder, options, |_, _| {})?);
         self.made("street", options, write)
@@ -142,25 +144,14 @@ impl Lab {
         Ok(folder)
     }
 
-    /// A data set of the user, as training loads it.
-    ///
-    /// # Errors
-    /// When it cannot be loaded.
-    pub fn real(&self, path: &Path, options: &LoadOptions) -> Result<Scene> {
-        Ok(load(path, options)?)
-    }
-
-    /// The configuration of a method with `changes` as `--set` overrides.
-    ///
-    /// # Errors
-    /// When a change is not valid.
-    pub fn config<M: SceneMethod>(&self, steps: usize, changes: &[&str]) -> Result<FitConfig<M::Config>, ConfigError> {
+    /// The configuration of a method for the steps of the experiment at hand, with `changes` as `--set` overrides.
+    pub fn config<M: SceneMethod>(&self, changes: &[&str]) -> Result<FitConfig<M::Config>> {
         let mut table = M::defaults().to_table();
-        let own = [format!("steps={steps}")];
-        for text in changes.iter().map(|text| (*text).to_string()).chain(own) {
-            tables::merge(&mut table, tables::override_layer(&text)?.table);
+        let steps = format!("steps={}", self.steps());
+        for text in [&[steps.as_str()], changes].concat() {
+            tables::merge(&mut table, tables::override_layer(text)?.table);
         }
-        FitConfig::from_table(&table, "experiment")
+        Ok(FitConfig::from_table(&table, "experiment")?)
     }
 
     /// Counts one step of training.
@@ -171,9 +162,6 @@ impl Lab {
 }
 
 /// Fills a folder that is not there yet: under another name until it is whole.
-///
-/// # Errors
-/// When it cannot be written.
 pub fn whole(folder: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     if folder.is_dir() {
         return Ok(());
@@ -202,50 +190,53 @@ pub fn small(world: World, frames: usize) -> DeblurOptions {
     }
 }
 
+/// A run of an experiment: a scene and its configuration.
+pub struct Trial<M: SceneMethod> {
+    /// The scene with its facts and cues.
+    pub data: Data<M>,
+    pub config: FitConfig<M::Config>,
+}
+
+impl<M: SceneMethod> Trial<M> {
+    /// A run on `scene`, configured as [`Lab::config`] says.
+    pub fn new(lab: &Lab, scene: Scene, changes: &[&str]) -> Result<Self> {
+        let config = lab.config::<M>(changes)?;
+        Ok(Self { data: Data::new(scene, &config), config })
+    }
+
+    /// The state before the first step, as in a run.
+    pub fn begin<'a>(&'a self, lab: &'a Lab) -> Session<'a, M> {
+        Session { lab, fit: session::Session::begin(&self.data, &self.config, None, &lab.device) }
+    }
+
+    /// The run with all its steps taken.
+    pub fn trained<'a>(&'a self, lab: &'a Lab) -> Result<Session<'a, M>> {
+        let mut session = self.begin(lab);
+        session.until(self.config.steps)?;
+        Ok(session)
+    }
+
+    /// The held-out views, measured after all steps.
+    pub fn measured(&self, lab: &Lab) -> Result<Measured> {
+        Ok(self.trained(lab)?.measure())
+    }
+}
+
 /// A run in progress, open to an experiment between its steps.
 pub struct Session<'a, M: SceneMethod> {
     lab: &'a Lab,
-    /// The fit.
     pub fit: session::Session<'a, M>,
 }
 
-impl<'a, M: SceneMethod> Session<'a, M> {
-    /// The state before the first step, as in a run.
-    pub fn begin(lab: &'a Lab, data: &'a Data<M>, config: &'a FitConfig<M::Config>) -> Self {
-        Self { lab, fit: session::Session::begin(data, config, None, &lab.device) }
-    }
-
-    /// Takes one step.
-    ///
-    /// # Errors
-    /// [`Interrupted`], when the user asked to end.
-    pub fn step(&mut self) -> Result<Stepped<M::Extra>> {
-        if interrupt::asked() {
-            return Err(Interrupted.into());
-        }
-        let stepped = self.fit.step();
-        self.lab.count_step();
-        Ok(stepped)
-    }
-
+impl<M: SceneMethod> Session<'_, M> {
     /// Steps until `step` steps are taken, at most those of the configuration.
-    ///
-    /// # Errors
-    /// As [`step`](Self::step).
     pub fn until(&mut self, step: usize) -> Result<()> {
         while self.fit.trainer.step < step.min(self.fit.config.steps) {
-            self.step()?;
+            go_on()?;
+            self.fit.step();
+            self.lab.count_step();
         }
         Ok(())
-    }
-
-    /// Takes all steps, then measures the held-out views.
-    ///
-    /// # Errors
-    /// As [`step`](Self::step).
-    pub fn finish(&mut self) -> Result<Measured> {
-        self.until(self.fit.config.steps)?;
-        Ok(self.measure())
     }
 
     /// Measures the held-out views now.
@@ -254,11 +245,6 @@ impl<'a, M: SceneMethod> Session<'a, M> {
         let evaluator = Evaluator::new(&self.fit.config.eval, &self.lab.device);
         let held_out = HeldOut::of::<M>(scene, None).expect("the reported split");
         evaluator.measure(self.fit.trainer.model(), scene, &held_out, &at, 0).0
-    }
-
-    /// Training photo `index`, and the image that is compared with it now, `[H, W, 3]`; the state does not change.
-    pub fn formed(&mut self, index: usize) -> (Photo<M::Extra>, Tensor<3>) {
-        self.fit.formed(index)
     }
 }
 

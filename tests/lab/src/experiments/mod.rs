@@ -25,11 +25,12 @@ use gs_train::run::outputs::{self, MARK, marked_svg};
 use gs_train::run::{interrupt, results};
 use serde::Serialize;
 
-pub use findings::{Findings, Outcome};
+pub use findings::{Findings, Outcome, largest, smallest};
+pub use gsburn::report::charts::Series;
 pub use lab::{Interrupted, Lab};
 
 /// The pipelines with their experiments.
-pub const PIPELINES: [(&str, &[&Experiment]); 3] = [
+pub const PIPELINES: [(&str, &[Experiment]); 3] = [
     ("taylormode", &taylormode::EXPERIMENTS),
     ("sparsedyn", &sparsedyn::EXPERIMENTS),
     ("flux4d", &flux4d::EXPERIMENTS),
@@ -39,36 +40,43 @@ pub const PIPELINES: [(&str, &[&Experiment]); 3] = [
 pub struct Experiment {
     /// Its name on the command line and in file names.
     pub name: &'static str,
-    /// Its question.
     pub question: &'static str,
-    /// Training steps it takes, quick or not; used for the time left.
-    pub steps: fn(quick: bool) -> usize,
+    /// Trainings, full and quick; used for the time left.
+    pub runs: [usize; 2],
+    /// Steps of each, full and quick.
+    pub steps: [usize; 2],
     /// Whether it runs only if it is named, because it takes long.
     pub on_request: bool,
-    /// Runs it.
     pub run: fn(&Lab, &mut Findings) -> Result<()>,
 }
 
 impl Experiment {
-    /// An experiment that takes these steps of training.
-    pub const fn new(
-        name: &'static str,
-        question: &'static str,
-        steps: fn(quick: bool) -> usize,
-        run: fn(&Lab, &mut Findings) -> Result<()>,
-    ) -> Self {
-        Self { name, question, steps, on_request: false, run }
+    /// An experiment that trains nothing.
+    const fn new(name: &'static str, question: &'static str, run: fn(&Lab, &mut Findings) -> Result<()>) -> Self {
+        Self { name, question, runs: [0; 2], steps: [0; 2], on_request: false, run }
     }
 
-    /// An experiment that trains nothing.
-    pub const fn untrained(
-        name: &'static str,
-        question: &'static str,
-        run: fn(&Lab, &mut Findings) -> Result<()>,
-    ) -> Self {
-        Self::new(name, question, |_| 0, run)
+    /// The experiment trains as often, each time so many steps, full and quick.
+    const fn trains(self, runs: [usize; 2], steps: [usize; 2]) -> Self {
+        Self { runs, steps, ..self }
+    }
+
+    /// The experiment runs only if it is named.
+    const fn on_request(self) -> Self {
+        Self { on_request: true, ..self }
     }
 }
+
+/// A list of experiments. Each has its question as a comment; then come its name, the function that runs it and, where
+/// it trains, its trainings and the steps of each, full and quick.
+macro_rules! experiments {
+    ($($(#[doc = $question:literal])+ $name:literal: $run:path
+        $(, $runs:tt of $steps:tt)? $(, $on_request:ident)?;)+) => {
+        [$($crate::experiments::Experiment::new($name, concat!($($question),+).trim_ascii(), $run)
+            $(.trains($runs, $steps))? $(.$on_request())?),+]
+    };
+}
+use experiments;
 
 /// The experiments to run.
 #[derive(Debug, Clone)]
@@ -105,15 +113,16 @@ const REPORT: &str = "stability.html";
 ///
 /// # Errors
 /// One sentence: an unknown name, a file of somebody else in the way, a full disk, a request to end.
-pub fn run(pipeline: &str, experiments: &'static [&'static Experiment], request: &Request) -> Result<Vec<Outcome>> {
+pub fn run(pipeline: &str, experiments: &'static [Experiment], request: &Request) -> Result<Vec<Outcome>> {
     let chosen = chosen(experiments, &request.only)?;
     outputs::check(&files(&request.out, &chosen), &[])?;
     let _lock = begun(pipeline, request)?;
-    let total = chosen.iter().map(|experiment| (experiment.steps)(request.quick)).sum();
+    let part = usize::from(request.quick);
+    let total = chosen.iter().map(|experiment| experiment.runs[part] * experiment.steps[part]).sum();
     let lab = Lab::new(request, total);
     let mut outcomes = Vec::new();
     for experiment in chosen {
-        lab.enter(experiment.name);
+        lab.enter(experiment);
         let begun = Instant::now();
         let mut found = Findings::default();
         (experiment.run)(&lab, &mut found)?;
@@ -147,16 +156,16 @@ fn begun(pipeline: &str, request: &Request) -> Result<Lock> {
 }
 
 /// The named experiments, or all that need not be named.
-fn chosen(experiments: &'static [&'static Experiment], only: &[String]) -> Result<Vec<&'static Experiment>> {
+fn chosen(experiments: &'static [Experiment], only: &[String]) -> Result<Vec<&'static Experiment>> {
     let names: Vec<&str> = experiments.iter().map(|experiment| experiment.name).collect();
     if let Some(unknown) = only.iter().find(|name| !names.contains(&name.as_str())) {
         bail!("--only: expected names from {}, found {unknown:?}", names.join(", "));
     }
-    let wanted = |experiment: &&&Experiment| match only {
+    let wanted = |experiment: &&Experiment| match only {
         [] => !experiment.on_request,
         only => only.iter().any(|name| name == experiment.name),
     };
-    Ok(experiments.iter().filter(wanted).copied().collect())
+    Ok(experiments.iter().filter(wanted).collect())
 }
 
 /// The files in `out` that these experiments may write over. The name of a figure begins with that of its experiment.
@@ -187,10 +196,10 @@ fn write(pipeline: &str, request: &Request, outcomes: &[Outcome]) -> Result<()> 
 mod tests {
     use super::*;
 
-    static QUICK: Experiment =
-        Experiment { name: "depth", question: "", steps: |_| 1, on_request: false, run: |_, _| bail!("not run") };
-    static LONG: Experiment = Experiment { name: "long", on_request: true, ..QUICK };
-    static ALL: [&Experiment; 2] = [&QUICK, &LONG];
+    static ALL: [Experiment; 2] = [
+        Experiment::new("depth", "", |_, _| bail!("not run")),
+        Experiment::new("long", "", |_, _| bail!("not run")).on_request(),
+    ];
 
     #[test]
     fn files_of_others_are_named_before_anything_runs() {
@@ -199,7 +208,7 @@ mod tests {
         for name in ["depth.svg", "depth-a.svg", "deeper.svg", "long.svg", "depth.png"] {
             fs::write(at(name), "<svg/>").expect("written");
         }
-        let mut found = files(folder.path(), &[&QUICK]);
+        let mut found = files(folder.path(), &[&ALL[0]]);
         found.sort();
         assert_eq!(found, ["depth-a.svg", "depth.svg", RESULTS, REPORT].map(at));
     }

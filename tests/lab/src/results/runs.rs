@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Data, FILE_MAX};
-use crate::comparison::{Comparison, stacked};
+use crate::comparison::{Comparison, Spread, stacked};
 
 /// Trainings of one configuration, one for each seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -29,7 +29,6 @@ pub struct Run {
     recipe: Option<String>,
     #[serde(default)]
     set: Vec<String>,
-    /// The data set.
     data: PathBuf,
     /// The seeds; empty: those of the data file.
     #[serde(default)]
@@ -78,7 +77,7 @@ pub fn fill(data: &mut Data, (root, name): (&Path, &str), out: &Path, device: &s
         let path = root.join(chart);
         outputs::check(std::slice::from_ref(&path), &[])?;
         let compared = Comparison::new(&gather(&folders)?, &[]);
-        write_atomic(&path, stacked(&compared.panels.charts, &data.command).as_bytes())?;
+        write_atomic(&path, stacked(&compared.charts, &data.command).as_bytes())?;
     }
     Ok(true)
 }
@@ -116,14 +115,9 @@ fn finished(run: &Run, seed: u64, folder: &RunFolder, device: &Device) -> Result
 
 /// The mean of a figure over the seeds, with its range; a dash where a run does not have it.
 pub fn cell(Figure { key, digits }: &Figure, evals: &[Value]) -> String {
-    let found: Option<Vec<f64>> = evals.iter().map(|eval| number(eval, key)).collect();
-    let Some(values) = found.filter(|values| !values.is_empty()) else { return "–".into() };
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    if values.len() == 1 {
-        return format!("{mean:.digits$}");
-    }
-    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
-    format!("{mean:.digits$} ({low:.digits$} to {high:.digits$})")
+    let found: Vec<f64> = evals.iter().map_while(|eval| number(eval, key)).collect();
+    let Some(spread) = Spread::of(&found).filter(|_| found.len() == evals.len()) else { return "–".into() };
+    spread.shown(found.len() > 1, *digits)
 }
 
 /// The number at a place; in a list, the value of the figure with that key.

@@ -6,7 +6,6 @@ use crate::experiments::findings::Criterion;
 
 /// A bound that an experiment does not keep.
 pub struct Miss {
-    /// The experiment.
     experiment: &'static str,
     /// The begin of the criterion's description.
     what: &'static str,

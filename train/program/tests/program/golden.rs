@@ -83,10 +83,9 @@ struct Held {
     misses: Vec<String>,
 }
 
-/// Seeds 42, 43, 44: 26.92, 26.93, 26.84. With copies that coincide: 25.23, 25.59, 25.20; as published, also without
-/// the measures that follow the run: 20.37, 20.14, 20.17.
+/// Seeds 42, 43, 44: 27.24, 26.67, 27.33.
 const STATIC: Golden =
-    Golden { recipe: "static/base", keys: &[&SMALL], whole: Figure { golden: 26.90, bound: WHOLE }, moving: None };
+    Golden { recipe: "static/base", keys: &[&SMALL], whole: Figure { golden: 27.08, bound: WHOLE }, moving: None };
 
 /// Seeds 42, 43, 44, whole and moving:
 ///

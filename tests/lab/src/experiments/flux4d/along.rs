@@ -10,56 +10,11 @@ use gs_pipelines::flux4d::logs::Logs;
 use gs_pipelines::flux4d::network::FluxNetwork;
 use gs_pipelines::flux4d::trainer::{Setup, step};
 use gs_train::fit::training::Training;
-use gs_train::run::interrupt;
 use gs_worlds::driving::StreetOptions;
-use gsburn::report::charts::Series;
 
 use super::trial::{Outcome, applied, network, streets};
-use crate::experiments::findings::largest;
-use crate::experiments::{Experiment, Findings, Interrupted, Lab};
-
-/// The experiment on beams and images.
-pub const BEAMS: Experiment = Experiment::untrained(
-    "beams",
-    "A network trained on 32 beams and images of 320 pixels, applied to a LiDAR of 4 to 128 beams and to images of \
-     other sizes: what breaks first?",
-    beams,
-);
-
-/// The experiment on poses and times.
-pub const CALIBRATION: Experiment = Experiment::untrained(
-    "calibration",
-    "Camera poses with noise, and images that were taken later than their times say: what does that cost in images, \
-     and does motion, which is read off the LiDAR, stay as it was?",
-    calibration,
-);
-
-/// The experiment on the degree of motion. The sweeps show a velocity and an acceleration, so that before training the
-/// degrees 2 and 3 are degree 1 with further coefficients of zero. They are drawn to show that nothing else depends on
-/// the degree.
-pub const DEGREE: Experiment = Experiment::untrained(
-    "degree",
-    "Cars that drive, brake and turn, each followed over the frames between the inputs by velocities of degree 0 to 3, \
-     before any training (2 and 3 then equal 1): does an acceleration pay?",
-    degree,
-);
-
-/// The experiment on refinements.
-pub const PASSES: Experiment = Experiment::untrained(
-    "passes",
-    "The shipped network, trained with two refinements, applied with none to five: what does each add to the frames \
-     between the inputs, and how long does it take?",
-    passes,
-);
-
-/// The experiment on the mean speed; velocities start at zero, as in the paper.
-pub const WEIGHT: Experiment = Experiment::new(
-    "weight",
-    "The weight of the mean speed over five decades, trained on one street without velocities of the sweeps: does what \
-     rests come to rest, and at which weight does motion vanish?",
-    |quick| if quick { 2 * STEPS[1] } else { WEIGHTS.len() * STEPS[0] },
-    weight,
-);
+use crate::experiments::lab::go_on;
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// PSNR that an eighth of the beams may cost, dB, and that the refinements of the training must add: the paper's add
 /// that much (its table 7).
@@ -77,9 +32,6 @@ const FLOW: f64 = 0.05;
 
 /// Weights of the mean speed; the paper's is 5e-3.
 const WEIGHTS: [f64; 5] = [5e-5, 5e-4, 5e-3, 5e-2, 5e-1];
-
-/// Steps of a training, and of a quick one.
-const STEPS: [usize; 2] = [60, 5];
 
 /// The network of a run.
 #[derive(Clone, Copy)]
@@ -130,9 +82,7 @@ fn trained(lab: &Lab, logs: &Arc<Logs>, config: &FluxConfig) -> Result<Training<
     let mut feed = Feed::start(&Arc::new(SnippetCache::new(logs.clone(), config)), 0, 1)?;
     let setup = Setup { logs, config, devices: std::slice::from_ref(&lab.device) };
     while training.step < config.steps {
-        if interrupt::asked() {
-            return Err(Interrupted.into());
-        }
+        go_on()?;
         let snippets = [feed.take()?];
         step(&mut training, &snippets, setup, &mut |reason| lab.say(reason));
         lab.count_step();
@@ -152,7 +102,7 @@ fn at(outcomes: &[(f64, Outcome)], value: f64) -> Option<Outcome> {
     outcomes.iter().find(|(x, _)| *x == value).map(|(_, outcome)| *outcome)
 }
 
-fn beams(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn beams(lab: &Lab, found: &mut Findings) -> Result<()> {
     let counts: &[f64] = lab.either(&[4.0, 8.0, 16.0, 32.0, 64.0, 128.0], &[4.0, 32.0, 64.0]);
     let with_beams = |beams, street| StreetOptions { beams: beams as usize, ..street };
     let outcomes = along(lab, counts, (Net::Shipped, 1), with_beams, |_, _| ())?;
@@ -177,7 +127,7 @@ fn beams(lab: &Lab, found: &mut Findings) -> Result<()> {
     Ok(())
 }
 
-fn calibration(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn calibration(lab: &Lab, found: &mut Findings) -> Result<()> {
     // Standard deviation of camera positions in metres, and of their angles in hundredths of a radian.
     let noise: &[f64] = lab.either(&[0.0, 0.02, 0.05, 0.1, 0.3], &[0.0, 0.1]);
     // Delay of the images, seconds; 0.1 s is a frame.
@@ -200,7 +150,9 @@ fn calibration(lab: &Lab, found: &mut Findings) -> Result<()> {
     Ok(())
 }
 
-fn degree(lab: &Lab, found: &mut Findings) -> Result<()> {
+/// The degree of motion. The sweeps show a velocity and an acceleration, so that before training the degrees 2 and 3 are
+/// degree 1 with further coefficients of zero. They are drawn to show that nothing else depends on the degree.
+pub fn degree(lab: &Lab, found: &mut Findings) -> Result<()> {
     let set = |degree: f64, config: &mut FluxConfig| config.own.unet.degree = degree as usize;
     let outcomes = along(lab, &[0.0, 1.0, 2.0, 3.0], (Net::Untrained, lab.either(3, 1)), |_, street| street, set)?;
     let gain = outcomes[0].1.moving - outcomes[1].1.moving;
@@ -213,7 +165,7 @@ fn degree(lab: &Lab, found: &mut Findings) -> Result<()> {
     Ok(())
 }
 
-fn passes(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn passes(lab: &Lab, found: &mut Findings) -> Result<()> {
     // The first pass is the base network.
     let counts: &[f64] = lab.either(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], &[1.0, 3.0]);
     let set = |passes: f64, config: &mut FluxConfig| config.own.refinement.passes = passes as usize;
@@ -232,9 +184,10 @@ fn passes(lab: &Lab, found: &mut Findings) -> Result<()> {
     Ok(())
 }
 
-fn weight(lab: &Lab, found: &mut Findings) -> Result<()> {
+/// The weight of the mean speed; velocities start at zero, as in the paper.
+pub fn weight(lab: &Lab, found: &mut Findings) -> Result<()> {
     let set = |weight: f64, config: &mut FluxConfig| {
-        config.shared.steps = lab.either(STEPS[0], STEPS[1]);
+        config.shared.steps = lab.steps();
         config.own.lift.velocity = VelocityChoice::Zero;
         config.own.refinement.passes = 1;
         config.own.supervision.velocity = weight;

@@ -8,24 +8,13 @@ use gs_driving::{FLOW_INTERVAL, INTERPOLATION_FRAMES, Snippet};
 use gs_models::flux4d::fast_nsf::{FastNsfConfig, fit_flow};
 use gs_pipelines::flux4d::flow::{FlowOfSweep, FlowScores, of_sweep};
 use gs_pipelines::flux4d::host_view::inverse;
-use gs_pipelines::flux4d::infer::{Ready, infer};
-use gs_pipelines::flux4d::logs::open;
-use gs_pipelines::flux4d::prepare::{prepare, sweep};
+use gs_pipelines::flux4d::prepare::sweep;
 use gs_pipelines::flux4d::saved::SavedNetwork;
 use gs_pipelines::flux4d::sweep_flow::FIT_POINTS;
-use gs_train::run::interrupt;
-use gsburn::report::charts::Series;
 
-use super::trial::{network, street};
-use crate::experiments::{Experiment, Findings, Interrupted, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::untrained(
-    "baseline",
-    "Scene flow of the same points by the shipped network, and by fitting a network to each pair of sweeps (FastNSF): \
-     which is nearer to the truth, and how long does a sweep take?",
-    run,
-);
+use super::trial::{Seen, network, seen, street};
+use crate::experiments::lab::go_on;
+use crate::experiments::{Findings, Lab, Series};
 
 /// Iterations of the fits: a thousand, as its authors take, would be a quarter of an hour a sweep on two cores.
 const ITERATIONS: [usize; 3] = [20, 60, 200];
@@ -51,7 +40,7 @@ impl Way {
     }
 }
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let saved = network(lab)?;
     let iterations: &[usize] = lab.either(&ITERATIONS, &ITERATIONS_QUICK);
     let (mut ours, mut fits) = (Way::default(), iterations.iter().map(|_| Way::default()).collect::<Vec<_>>());
@@ -91,12 +80,9 @@ fn compare<'a>(
     ours: &mut Way,
     fits: impl Iterator<Item = (&'a usize, &'a mut Way)>,
 ) -> Result<()> {
-    let log = open(path, &saved.config.own.logs)?;
+    let Seen { log, host, inferred, seconds } = seen(lab, path, saved)?;
     let snippet = Snippet::new(0, INTERPOLATION_FRAMES);
-    let begun = Instant::now();
-    let host = prepare(&log, &snippet, "street", &saved.config.own.lift, saved.config.seed)?;
-    let inferred = infer(&Ready::new(&saved.network), &host, &log, &saved.config, &lab.device)?;
-    ours.seconds += begun.elapsed().as_secs_f64();
+    ours.seconds += seconds;
     ours.sweeps += snippet.inputs.len();
     let mut pairs = Vec::new();
     let from_world = inverse(host.to_world);
@@ -109,9 +95,7 @@ fn compare<'a>(
     for (iterations, fit) in fits {
         let config = FastNsfConfig { iterations: *iterations, points: Some(FIT_POINTS), ..FastNsfConfig::default() };
         for (flow, target, seconds) in &pairs {
-            if interrupt::asked() {
-                return Err(Interrupted.into());
-            }
+            go_on()?;
             let begun = Instant::now();
             let fitted = fit_flow(&flow.points, target, &config, &lab.device)?;
             fit.seconds += begun.elapsed().as_secs_f64();

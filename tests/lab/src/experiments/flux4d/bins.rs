@@ -2,26 +2,14 @@
 
 use anyhow::{Context, Result};
 use burn::tensor::{Tensor, TensorData};
-use gs_driving::{INTERPOLATION_FRAMES, Snippet};
 use gs_driving::{TruthImage, truth_image};
 use gs_pipelines::flux4d::evaluate::color;
-use gs_pipelines::flux4d::infer::{Ready, infer};
-use gs_pipelines::flux4d::logs::open;
 use gs_pipelines::flux4d::moving::in_truth;
-use gs_pipelines::flux4d::prepare::prepare;
 use gs_pipelines::flux4d::sample::{camera, photo};
 use gs_train::run::metrics::psnr_masked;
-use gsburn::report::charts::Series;
 
-use super::trial::{network, street};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::untrained(
-    "bins",
-    "PSNR of the frames between the inputs by distance, and of the sky, which has no LiDAR point: does far mean wrong?",
-    run,
-);
+use super::trial::{Seen, network, seen, street};
+use crate::experiments::{Findings, Lab, Series};
 
 /// Upper ends of the bins of distance, metres; the last has none, and the sky is a bin of its own.
 const ENDS: [f32; 4] = [10.0, 20.0, 40.0, f32::INFINITY];
@@ -30,13 +18,9 @@ const ENDS: [f32; 4] = [10.0, 20.0, 40.0, f32::INFINITY];
 /// a pixel has, and a bin is not to be lost for that.
 const BOUND: f64 = 6.0;
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
-    let saved = network(lab)?;
-    let path = lab.street(&street())?;
-    let (config, device) = (&saved.config, &lab.device);
-    let log = open(&path, &config.own.logs)?;
-    let host = prepare(&log, &Snippet::new(0, INTERPOLATION_FRAMES), "street", &config.own.lift, config.seed)?;
-    let inferred = infer(&Ready::new(&saved.network), &host, &log, config, device)?;
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+    let Seen { log, host, inferred, .. } = seen(lab, &lab.street(&street())?, &network(lab)?)?;
+    let device = &lab.device;
     let mut sums = [[0.0_f64; 2]; ENDS.len() + 1];
     for view in &host.targets {
         let (name, frame) = (&log.cameras()[view.camera].name, &log.frames()[view.frame].name);

@@ -9,20 +9,11 @@ use gs_pipelines::flux4d::infer::{Ready, infer};
 use gs_pipelines::flux4d::logs::open;
 use gs_pipelines::flux4d::prepare::prepare;
 use gs_pipelines::flux4d::sample::camera;
-use gs_train::run::interrupt;
 use gs_worlds::driving::StreetOptions;
-use gsburn::report::charts::Series;
 
 use super::trial::{applied, network, street};
-use crate::experiments::{Experiment, Findings, Interrupted, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::untrained(
-    "cost",
-    "Seconds of reading and lifting, kernel maps, passes and one image over the number of LiDAR points: do they grow \
-     more than in proportion, and from which number on does an image gain nothing?",
-    run,
-);
+use crate::experiments::lab::go_on;
+use crate::experiments::{Findings, Lab, Series};
 
 /// LiDAR points of a snippet at most.
 const BUDGETS: [usize; 5] = [10_000, 30_000, 100_000, 300_000, 1_000_000];
@@ -38,7 +29,7 @@ const BOUND: f64 = 1.15;
 /// Stages, as they are named in the figure.
 const STAGES: [&str; 4] = ["read and lift", "kernel maps", "passes", "one image"];
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let saved = network(lab)?;
     let [beams, columns] = DENSE;
     let dense = StreetOptions { beams, columns, ..street() };
@@ -49,9 +40,7 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let mut stages = STAGES.map(|_| Vec::new());
     let mut psnr = Vec::new();
     for budget in lab.either(&BUDGETS[..], &BUDGETS_QUICK[..]) {
-        if interrupt::asked() {
-            return Err(Interrupted.into());
-        }
+        go_on()?;
         let mut config = saved.config.clone();
         config.own.lift.points = *budget;
         let begun = Instant::now();

@@ -10,15 +10,7 @@ use gs_worlds::driving::StreetOptions;
 use super::along::REST;
 use super::trial::{Outcome, applied, network, street};
 use crate::experiments::lab::whole as whole_folder;
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::untrained(
-    "holes",
-    "A covered lens, a sweep that is missing, a LiDAR of one beam: is what can be used used, and is nothing made of \
-     nothing?",
-    run,
-);
+use crate::experiments::{Findings, Lab};
 
 /// The frame whose image or sweep is spoiled: an input in the middle.
 const FRAME: &str = "04";
@@ -26,7 +18,7 @@ const FRAME: &str = "04";
 /// PSNR that one black image or missing sweep of six may cost, dB.
 const BOUND: f64 = 1.0;
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let saved = network(lab)?;
     let apply = |path: &Path| applied(lab, path, &saved.network, &saved.config);
     let whole = lab.street(&street())?;

@@ -1,25 +1,12 @@
 //! A car that a bus hides for half of a snippet.
 
 use anyhow::Result;
-use gs_driving::Snippet;
 use gs_pipelines::flux4d::flow::{FlowOfSweep, norm, of_inputs};
-use gs_pipelines::flux4d::infer::{Ready, infer};
-use gs_pipelines::flux4d::logs::open;
-use gs_pipelines::flux4d::prepare::prepare;
 use gs_pipelines::flux4d::saved::SavedNetwork;
-use gs_train::run::interrupt;
 use gs_worlds::driving::{Encounter, StreetOptions};
 
-use super::trial::{network, streets};
-use crate::experiments::{Experiment, Findings, Interrupted, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::untrained(
-    "occlusion",
-    "A car drives beside the ego vehicle, and a bus comes between them from the second input sweep to the last but \
-     one: does the car keep its motion where it is seen?",
-    run,
-);
+use super::trial::{Seen, network, seen, streets};
+use crate::experiments::{Findings, Lab};
 
 /// Streets that are averaged.
 const STREETS: u64 = 5;
@@ -44,7 +31,7 @@ impl Car {
     }
 }
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let saved = network(lab)?;
     let mut epe = Vec::new();
     for (encounter, name) in [(Encounter::Car, "alone"), (Encounter::HiddenCar, "behind the bus")] {
@@ -71,14 +58,7 @@ fn shown(epe: Option<f64>) -> String {
 
 /// The flow of the car of a street, which is the last of its objects.
 fn car(lab: &Lab, saved: &SavedNetwork, options: &StreetOptions) -> Result<Car> {
-    if interrupt::asked() {
-        return Err(Interrupted.into());
-    }
-    let config = &saved.config;
-    let log = open(&lab.street(options)?, &config.own.logs)?;
-    let snippet = Snippet::new(0, gs_driving::INTERPOLATION_FRAMES);
-    let host = prepare(&log, &snippet, "street", &config.own.lift, config.seed)?;
-    let inferred = infer(&Ready::new(&saved.network), &host, &log, config, &lab.device)?;
+    let Seen { log, host, inferred, .. } = seen(lab, &lab.street(options)?, saved)?;
     let sweeps = of_inputs(&log, &host, &inferred)?;
     let last = sweeps.iter().flat_map(|sweep| &sweep.tracks).max().cloned();
     Ok(sweeps.iter().fold(Car::default(), |car, sweep| added(car, sweep, last.as_deref())))

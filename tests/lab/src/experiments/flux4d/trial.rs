@@ -2,19 +2,22 @@
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::Result;
+use gs_driving::{DrivingLog, INTERPOLATION_FRAMES, Snippet};
 use gs_pipelines::flux4d::config::FluxConfig;
 use gs_pipelines::flux4d::evaluate::{Split, measure};
-use gs_pipelines::flux4d::logs::Logs;
+use gs_pipelines::flux4d::infer::{Inferred, Ready, infer};
+use gs_pipelines::flux4d::logs::{Logs, open};
 use gs_pipelines::flux4d::network::FluxNetwork;
+use gs_pipelines::flux4d::prepare::{HostSnippet, prepare};
 use gs_pipelines::flux4d::saved::{SavedNetwork, read_network, shipped_checkpoint};
-use gs_train::run::interrupt;
 use gs_train::run::measured::Measured;
 use gs_worlds::driving::StreetOptions;
 
-use crate::experiments::lab::figure;
-use crate::experiments::{Interrupted, Lab};
+use crate::experiments::Lab;
+use crate::experiments::lab::{figure, go_on};
 
 /// Seed of the streets of experiments: none of those that the shipped network was trained on.
 const SEED: u64 = 2000;
@@ -32,6 +35,26 @@ pub fn streets(count: u64) -> impl Iterator<Item = StreetOptions> {
 /// The network that ships with the program.
 pub fn network(lab: &Lab) -> Result<SavedNetwork> {
     read_network(&shipped_checkpoint()?, &lab.device)
+}
+
+/// A snippet of a street with a network applied to it.
+pub struct Seen {
+    pub log: DrivingLog,
+    pub host: HostSnippet,
+    pub inferred: Inferred,
+    /// Of lifting and inferring.
+    pub seconds: f64,
+}
+
+/// Applies the network that ships with the program to the one snippet of a street.
+pub fn seen(lab: &Lab, street: &Path, SavedNetwork { network, config, .. }: &SavedNetwork) -> Result<Seen> {
+    go_on()?;
+    let log = open(street, &config.own.logs)?;
+    let begun = Instant::now();
+    let snippet = Snippet::new(0, INTERPOLATION_FRAMES);
+    let host = prepare(&log, &snippet, "street", &config.own.lift, config.seed)?;
+    let inferred = infer(&Ready::new(network), &host, &log, config, &lab.device)?;
+    Ok(Seen { log, host, inferred, seconds: begun.elapsed().as_secs_f64() })
 }
 
 /// The figures of an application.
@@ -75,13 +98,8 @@ impl Outcome {
 }
 
 /// Applies a network to the snippets of a street.
-///
-/// # Errors
-/// [`Interrupted`]; when no snippet can be used.
 pub fn applied(lab: &Lab, street: &Path, network: &FluxNetwork, config: &FluxConfig) -> Result<Outcome> {
-    if interrupt::asked() {
-        return Err(Interrupted.into());
-    }
+    go_on()?;
     let logs = Arc::new(Logs::unseen(street, &config.own.logs)?);
     let split = Split { places: &logs.held_out, name: logs.split, logs: &logs, pictures: 0 };
     Ok(Outcome::of(&measure(network, &split, config, &lab.device)?.measured))

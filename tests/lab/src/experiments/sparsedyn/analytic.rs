@@ -27,7 +27,6 @@ const CENTRE: DVec3 = DVec3::new(0.3, -0.2, 0.5);
 /// A linear field, steady over time.
 #[derive(Debug, Clone)]
 pub struct Linear {
-    /// Its name.
     pub name: &'static str,
     /// `M`, the part that the field gives as a velocity that depends on the position, per unit of time.
     pub matrix: DMat3,

@@ -4,22 +4,9 @@
 use anyhow::Result;
 use gs_datasets::View;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::Series;
 
-use super::trial::{Film, SAME_TIME, STEPS, STEPS_QUICK, Score, Trial, mean, over_time, scores, small, steps, time};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "contacts",
-    "A box that slides as long as it is seen, and then, at 0.85, stops at once, bounces back or goes on at half its \
-     speed: how far off are the predicted photos after that?",
-    |quick| if quick { STEPS_QUICK } else { STEPS },
-    run,
-);
-
-/// The last time that is seen.
-const SEEN: f64 = 0.75;
+use super::trial::{Film, SAME_TIME, SEEN, Score, mean, over_time, scores, small, time, trial};
+use crate::experiments::{Findings, Lab, Series};
 
 /// When the motion changes.
 const EVENT: f64 = 0.85;
@@ -38,9 +25,9 @@ type Event = (&'static str, fn(since: f64) -> f64);
 const EVENTS: [Event; 3] =
     [("stops", |_| EVENT), ("bounces back", |since| EVENT - since), ("half its speed", |since| EVENT + 0.5 * since)];
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let film = Film::of(lab, &ExtrapolationOptions { frames: FRAMES, ..small(World::Slider) })?;
-    let trial = Trial::new(lab, film.until(SEEN), steps(lab), &[])?;
+    let trial = trial(lab, film.until(SEEN), &[])?;
     let session = trial.trained(lab)?;
     let usual = scores(lab, &session, &film.future(SEEN, 1.0));
     let curve = |scores: &[Score]| over_time(scores, |score| score.moving);

@@ -5,21 +5,9 @@ use anyhow::Result;
 use glam::DVec3;
 use gs_datasets::View;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::Series;
 
-use super::trial::{Film, STEPS, STEPS_QUICK, Score, Trial, means, over_time, positions, scores, small, steps, time};
-use crate::experiments::findings::largest;
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "horizon",
-    "Trained on the first fifth of the recording and rolled out to four times that: PSNR over the horizon with rigid \
-     bodies and with the field alone, against a scene that stops where it was last seen; does any Gaussian leave twice \
-     the scene's box, is any position not a number?",
-    |quick| if quick { 2 * STEPS_QUICK } else { WORLDS.len() * 2 * STEPS },
-    run,
-);
+use super::trial::{Film, Score, means, over_time, positions, scores, small, time, trial};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Worlds: a box that slows down, a rotor that turns steadily, a thrown ball beside a drifting box.
 const WORLDS: [World; 3] = [World::Slider, World::Fan, World::Duo];
@@ -92,7 +80,7 @@ struct Rolled {
     bodies: String,
 }
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let (mut outside, mut not_numbers) = (Vec::new(), 0);
     for world in lab.either(&WORLDS[..], &WORLDS[..1]) {
         let film = Film::of(lab, &ExtrapolationOptions { frames: FRAMES, ..small(*world) })?;
@@ -126,7 +114,7 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
 }
 
 fn rolled(lab: &Lab, film: &Film, mode: &str) -> Result<Rolled> {
-    let trial = Trial::new(lab, film.until(SEEN), steps(lab), &[mode])?;
+    let trial = trial(lab, film.until(SEEN), &[mode])?;
     let session = trial.trained(lab)?;
     let frame = |view: &View| (time(view) * FRAMES as f64).round() as usize;
     let mut future = film.future(SEEN, UNTIL);

@@ -6,20 +6,9 @@ use std::f64::consts::TAU;
 use anyhow::Result;
 use burn::tensor::Device;
 use gs_models::sparsedyn::Integrator;
-use gsburn::report::charts::Series;
 
 use super::analytic::{EXACT, INTEGRATORS, Linear, STEPS_PER_UNIT, double, positions, radius, slope, starts};
-use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::untrained(
-    "integrators",
-    "Rotation, shear, saddle and damped oscillator, rolled out with steps from 1/8 to 1/1024: which order has each \
-     integrator, is the screw exact for a steady rotation, and which step keeps a radius within 1 % at a given angular \
-     speed?",
-    run,
-);
+use crate::experiments::{Findings, Lab, Series, largest, smallest};
 
 /// Largest difference of a measured order from that of the method: halving the step leaves about this much of the next
 /// order.
@@ -48,7 +37,7 @@ fn step_rule(w: f64, horizon: f64) -> f64 {
     (8.0 * (1.0 + DRIFT_BOUND).ln() / (w.powi(4) * horizon)).cbrt()
 }
 
-fn run(_: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(_: &Lab, found: &mut Findings) -> Result<()> {
     let device = double()?;
     let mut curves = Vec::new();
     for (name, integrator, order) in INTEGRATORS {

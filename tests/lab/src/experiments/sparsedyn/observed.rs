@@ -2,20 +2,9 @@
 
 use anyhow::Result;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::Series;
 
-use super::trial::{Film, STEPS, STEPS_QUICK, Trial, mean, means, scores, small, steps};
-use crate::experiments::findings::largest;
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "observed",
-    "Trained on times up to 0.5, 0.6, 0.7 and 0.75: how well are the photos from 0.75 on predicted, which are farther \
-     away the less is seen?",
-    |quick| if quick { 2 * STEPS_QUICK } else { WORLDS.len() * ENDS.len() * SEEDS.len() * STEPS },
-    run,
-);
+use super::trial::{Film, mean, means, scores, small, trial};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Worlds: a box that slows down, and a body that turns ever faster, whose law must be told from a steady turn.
 const WORLDS: [World; 2] = [World::Slider, World::Spinner];
@@ -35,7 +24,7 @@ const LOSS_BOUND: f64 = 1.2;
 /// Least PSNR in moving parts over that of a run that saw up to 0.5 only, dB.
 const GAIN_BOUND: f64 = 0.0;
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let mut series = Vec::new();
     for world in lab.either(&WORLDS[..], &WORLDS[..1]) {
         let film = Film::of(lab, &ExtrapolationOptions { frames: FRAMES, ..small(*world) })?;
@@ -44,7 +33,7 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
         for seen in lab.either(&ENDS[..], &[ENDS[0], ENDS[3]]) {
             let (mut images, mut parts) = (Vec::new(), Vec::new());
             for seed in lab.either(&SEEDS[..], &SEEDS[..1]) {
-                let trial = Trial::new(lab, film.until(*seen), steps(lab), &[&format!("seed={seed}")])?;
+                let trial = trial(lab, film.until(*seen), &[&format!("seed={seed}")])?;
                 let session = trial.trained(lab)?;
                 let [of_image, of_moving] = means(&scores(lab, &session, &future));
                 images.push(of_image);

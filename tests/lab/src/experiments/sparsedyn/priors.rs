@@ -5,25 +5,11 @@ use anyhow::Result;
 use gs_datasets::Scene;
 use gs_train::fit::random::normal_pair;
 use gs_worlds::extrapolation::World;
-use gsburn::report::charts::Series;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, scores, small, steps};
-use crate::experiments::findings::largest;
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "priors",
-    "True depth of the first frame with noise, with another scale for each photo, with outliers, doubled, and none at \
-     all: what does that cost in held-out photos of the first frames?",
-    |quick| if quick { 5 * STEPS_QUICK } else { (3 + KINDS.len() * LEVELS.len()) * STEPS },
-    run,
-);
-
-/// The last time that is seen.
-const SEEN: f64 = 0.75;
+use super::trial::{Film, SEEN, means, scores, small, trial};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Held-out photos up to this time are measured: later ones, and still more the future, show by which motion a run goes
 /// on, which differs from seed to seed by more than any prior does.
@@ -66,7 +52,7 @@ impl Wrong {
     }
 }
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let film = Film::of(lab, &small(World::Slider))?;
     let exact = psnr(lab, &film, Some(Wrong::NONE))?;
     let none = psnr(lab, &film, None)?;
@@ -110,7 +96,7 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
 
 /// PSNR over held-out photos of the first frames and of the future, dB.
 fn psnr(lab: &Lab, film: &Film, wrong: Option<Wrong>) -> Result<[f64; 2]> {
-    let trial = Trial::new(lab, with_priors(film.until(SEEN), wrong), steps(lab), &[])?;
+    let trial = trial(lab, with_priors(film.until(SEEN), wrong), &[])?;
     let session = trial.trained(lab)?;
     let psnr = |from: f64, to: f64| means(&scores(lab, &session, &film.future(from, to)))[0];
     Ok([psnr(-1.0, FIRST), psnr(SEEN, 1.0)])

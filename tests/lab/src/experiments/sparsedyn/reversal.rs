@@ -1,19 +1,9 @@
 //! Does a rollout forwards and then backwards return to its start? Arithmetic alone.
 
 use anyhow::Result;
-use gsburn::report::charts::Series;
 
 use super::analytic::{EXACT, INTEGRATORS, Linear, STEPS_PER_UNIT, difference, double, slope};
-use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::untrained(
-    "reversal",
-    "The known motions of `integrators`, rolled out over 1 unit of time and back again: how far from the start does \
-     that end, and does the screw return exactly?",
-    run,
-);
+use crate::experiments::{Findings, Lab, Series, largest, smallest};
 
 /// A way back undoes errors and adds none of a lower order, so the return's order is the method's or a higher one; the
 /// rest is left for the share of the next order.
@@ -26,7 +16,7 @@ const USUAL_STEP: f64 = 1.0 / 30.0;
 /// that step: a tenth of the drift that is allowed there.
 const RETURN_BOUND: f64 = 1e-3;
 
-fn run(_: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(_: &Lab, found: &mut Findings) -> Result<()> {
     let device = double()?;
     let mut series = Vec::new();
     let mut usual = Vec::new();

@@ -2,25 +2,13 @@
 
 use anyhow::Result;
 use gs_worlds::extrapolation::World;
-use gsburn::report::charts::Series;
 
-use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, scores, small, steps};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "seeds",
-    "Runs with eight seeds: how far do the PSNR of the future and the number of Gaussians spread?",
-    |quick| if quick { 3 * STEPS_QUICK } else { SEEDS as usize * STEPS },
-    run,
-);
+use super::trial::{Film, SEEN, means, scores, small, trial};
+use crate::experiments::{Findings, Lab, Series};
 
 /// Seeds.
 const SEEDS: u64 = 8;
 const SEEDS_QUICK: u64 = 3;
-
-/// The last time that is seen.
-const SEEN: f64 = 0.75;
 
 /// Largest standard deviation of PSNR over the image, dB: papers compare methods by differences of this size.
 const PSNR_BOUND: f64 = 0.3;
@@ -32,12 +20,12 @@ const MOVING_BOUND: f64 = 0.6;
 /// much.
 const COUNT_BOUND: f64 = 0.05;
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let film = Film::of(lab, &small(World::Slider))?;
     let future = film.future(SEEN, 1.0);
     let (mut whole, mut moving, mut counts, mut laws) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for seed in 0..lab.either(SEEDS, SEEDS_QUICK) {
-        let trial = Trial::new(lab, film.until(SEEN), steps(lab), &[&format!("seed={seed}")])?;
+        let trial = trial(lab, film.until(SEEN), &[&format!("seed={seed}")])?;
         let session = trial.trained(lab)?;
         let [of_image, of_moving] = means(&scores(lab, &session, &future));
         whole.push((seed as f64, of_image));

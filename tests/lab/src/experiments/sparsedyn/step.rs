@@ -6,21 +6,10 @@ use glam::DVec3;
 use gs_models::sparsedyn::RolloutOptions;
 use gs_pipelines::sparsedyn::Sparsedyn;
 use gs_worlds::extrapolation::World;
-use gsburn::report::charts::Series;
 
-use super::trial::{Film, STEPS, STEPS_QUICK, Trial, means, positions, scores, small, steps};
-use crate::experiments::findings::largest;
+use super::trial::{Film, SEEN, means, positions, scores, small, trial};
 use crate::experiments::lab::Session;
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "step",
-    "Trained with one step of integration and rolled out with a quarter to four times that; asked for every frame and \
-     for every fourth: how far do Gaussians and photos of the future change?",
-    |quick| MODES.len() * if quick { STEPS_QUICK } else { STEPS },
-    run,
-);
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Ways to move: rigid bodies with laws; the field asked once; the field asked at every stage by the midpoint rule (Eq.
 /// 4).
@@ -29,9 +18,6 @@ const MODES: [(&str, &[&str]); 3] = [
     ("field, asked once", &["bodies.mode=field"]),
     ("field, asked at every stage", &["bodies.mode=field", "dynamics.ask=stage", "dynamics.integrator=rk2"]),
 ];
-
-/// The last time that is seen.
-const SEEN: f64 = 0.75;
 
 /// Factors of the step.
 const FACTORS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
@@ -49,12 +35,12 @@ const SLOWER: usize = 4;
 /// Times asked for.
 const TIMES: usize = 24;
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let film = Film::of(lab, &small(World::Fan))?;
     let future = film.future(SEEN, 1.0);
     let (mut by_position, mut by_psnr, mut by_rate) = (Vec::new(), Vec::new(), Vec::new());
     for (name, changes) in MODES {
-        let trial = Trial::new(lab, film.until(SEEN), steps(lab), changes)?;
+        let trial = trial(lab, film.until(SEEN), changes)?;
         let mut session = trial.trained(lab)?;
         by_rate.push(rate_changes(&session));
         let own = session.fit.trainer.method().options;

@@ -3,23 +3,19 @@
 
 use anyhow::Result;
 use gs_datasets::{Scene, Split, View};
-use gs_pipelines::sparsedyn::{Config, Sparsedyn};
-use gs_train::fit::session::Data;
+use gs_pipelines::sparsedyn::Sparsedyn;
 use gs_train::fit::told::{MOVING, given_regions};
 use gs_train::run::evaluate::{Evaluator, HeldOut};
 use gs_worlds::extrapolation::{ExtrapolationOptions, PriorErrors, World};
 
 use crate::experiments::Lab;
-use crate::experiments::lab::Session;
+use crate::experiments::lab::{Session, Trial};
 
 /// Width and height of the images, pixels.
 const SIZE: usize = 80;
 
-/// Steps of a run.
-pub const STEPS: usize = 1000;
-
-/// Steps of a run for a first impression.
-pub const STEPS_QUICK: usize = 120;
+/// The last time that most experiments see.
+pub const SEEN: f64 = 0.75;
 
 /// Times closer than this are one.
 pub const SAME_TIME: f64 = 1e-6;
@@ -68,9 +64,6 @@ pub struct Film {
 
 impl Film {
     /// Films a world, or reads it if that was done before.
-    ///
-    /// # Errors
-    /// When it cannot be written.
     pub fn of(lab: &Lab, options: &ExtrapolationOptions) -> Result<Self> {
         let mut scene = lab.future_world(options)?;
         let mut cameras: Vec<String> = scene.train.iter().filter_map(|view| view.camera_id.clone()).collect();
@@ -109,45 +102,14 @@ impl Film {
     }
 }
 
-/// A data set and its configuration.
-pub struct Trial {
-    /// The data set with its facts and cues.
-    pub data: Data<Sparsedyn>,
-    /// The configuration.
-    pub config: Config,
-}
-
-impl Trial {
-    /// A run of the recipe with changes on `scene`.
-    ///
-    /// # Errors
-    /// When a change is not valid.
-    pub fn new(lab: &Lab, scene: Scene, steps: usize, changes: &[&str]) -> Result<Self> {
-        let all: Vec<&str> = RECIPE.iter().chain(changes).copied().collect();
-        let config = lab.config::<Sparsedyn>(steps, &all)?;
-        Ok(Self { data: Data::new(scene, &config), config })
-    }
-
-    /// The run with all its steps taken.
-    ///
-    /// # Errors
-    /// When the user asked to end.
-    pub fn trained<'a>(&'a self, lab: &'a Lab) -> Result<Session<'a, Sparsedyn>> {
-        let mut session = Session::begin(lab, &self.data, &self.config);
-        session.until(self.config.steps)?;
-        Ok(session)
-    }
-}
-
-/// The steps of a run.
-pub fn steps(lab: &Lab) -> usize {
-    lab.either(STEPS, STEPS_QUICK)
+/// A run of the recipe with changes on `scene`.
+pub fn trial(lab: &Lab, scene: Scene, changes: &[&str]) -> Result<Trial<Sparsedyn>> {
+    Trial::new(lab, scene, &[&RECIPE, changes].concat())
 }
 
 /// The scores of a photo.
 #[derive(Debug, Clone, Copy)]
 pub struct Score {
-    /// Its time.
     pub time: f64,
     /// PSNR over the image, dB.
     pub psnr: f64,

@@ -3,23 +3,9 @@
 
 use anyhow::Result;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World};
-use gsburn::report::charts::Series;
 
-use super::trial::{Film, STEPS_QUICK, Trial, means, scores, small};
-use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "views",
-    "2, 3, 5, 9 and 15 training cameras, Gaussians from few to many, colours of degree 0 to 2: where does more of them \
-     make held-out cameras worse?",
-    |quick| if quick { 4 * STEPS_QUICK } else { COUNTS.len() * (CAPS.len() + DEGREES.len() - 1) * STEPS },
-    run,
-);
-
-/// Steps of a run; the many runs of this experiment are shorter than those of others.
-const STEPS: usize = 600;
+use super::trial::{Film, SEEN, means, scores, small, trial};
+use crate::experiments::{Findings, Lab, Series, largest, smallest};
 
 /// Training cameras.
 const COUNTS: [usize; 5] = [2, 3, 5, 9, 15];
@@ -30,10 +16,6 @@ const CAPS: [usize; 3] = [300, 1000, 3000];
 
 /// Degrees of the colours, with the middle cap.
 const DEGREES: [usize; 3] = [0, 1, 2];
-
-/// The last time that is seen; held-out cameras are measured up to it, because the future would add the error of the
-/// motion.
-const SEEN: f64 = 0.75;
 
 /// Most that the largest cap may lose against the best one, dB: twice the 0.3 dB that seeds may spread by.
 const CAP_BOUND: f64 = 0.6;
@@ -61,7 +43,7 @@ struct Point {
     train: f64,
 }
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let film = Film::of(lab, &ExtrapolationOptions { cameras: 18, held_out: 3, ..small(World::Slider) })?;
     let counts: &[usize] = lab.either(&COUNTS, &COUNTS_QUICK);
     let caps: &[usize] = lab.either(&CAPS, &CAPS[1..2]);
@@ -85,8 +67,9 @@ fn point(lab: &Lab, film: &Film, (cameras, cap, degree): (usize, usize, usize)) 
     let (cap_text, degree_text) = (format!("density.cap={cap}"), format!("model.sh_degree={degree}"));
     let scene = film.seen(cameras, SEEN);
     let seen = scene.train.clone();
-    let trial = Trial::new(lab, scene, lab.either(STEPS, STEPS_QUICK), &[&cap_text, &degree_text])?;
+    let trial = trial(lab, scene, &[&cap_text, &degree_text])?;
     let session = trial.trained(lab)?;
+    // Not in the future, which would add the error of the motion.
     let test = means(&scores(lab, &session, &film.future(-1.0, SEEN)))[0];
     let train = means(&scores(lab, &session, &seen))[0];
     Ok(Point { cameras, cap, degree, gaussians: session.fit.trainer.gaussians().len(), test, train })

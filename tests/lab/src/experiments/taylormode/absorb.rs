@@ -9,24 +9,10 @@ use gs_pipelines::taylormode::Taylormode;
 use gs_train::fit::parameters::to_host;
 use gs_train::run::metrics::psnr_of_mse;
 use gs_worlds::deblur::{DeblurOptions, World};
-use gsburn::report::charts::Series;
 
-use super::Trial;
+use super::trial::trial;
 use crate::experiments::lab::{Session, moving_psnr, small};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "absorb",
-    "Sharp PSNR, and that of the training photos as they are formed, along training by blur model: does forming the \
-     photos well make the scene sharp? And on photos that were sharp to begin with, does the model leave them \
-     unchanged?",
-    |quick| 6 * if quick { STEPS_QUICK } else { STEPS },
-    run,
-);
-
-const STEPS: usize = 960;
-const STEPS_QUICK: usize = 60;
+use crate::experiments::{Findings, Lab, Series};
 
 /// Measurements along a run.
 const LOOKS: usize = 6;
@@ -48,7 +34,7 @@ struct Trained {
     blur: f64,
 }
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let blurry = lab.world(&small(World::Cube, 6))?;
     let sharp = lab.world(&DeblurOptions { exposure: 0.0, ..small(World::Cube, 6) })?;
     let train = |scene: &Scene| -> Result<Vec<Trained>> {
@@ -88,15 +74,14 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
 }
 
 fn trained(lab: &Lab, scene: &Scene, changes: &[&str]) -> Result<Trained> {
-    let steps = lab.either(STEPS, STEPS_QUICK);
     // The exposure can change as much as in 4000 steps of a real run; a quick one has no time for that.
     let rate = lab.either("blur.exposure_lr=8e-3", "blur.exposure_lr=3e-2");
     let changes: Vec<&str> = changes.iter().copied().chain([rate]).collect();
-    let trial = Trial::new(scene, Trial::config(lab, steps, &changes)?);
+    let trial = trial(lab, scene, &changes)?;
     let mut session = trial.begin(lab);
     let mut trained = Trained { along: Vec::new(), sharp: Vec::new(), blur: 0.0 };
     for look in 1..=LOOKS {
-        session.until(look * steps / LOOKS)?;
+        session.until(look * lab.steps() / LOOKS)?;
         let found = session.measure();
         let formed = formed(&mut session, scene);
         trained.along.push((formed.psnr, moving_psnr(&found)));
@@ -117,7 +102,7 @@ struct FormedPhotos {
 fn formed(session: &mut Session<Taylormode>, scene: &Scene) -> FormedPhotos {
     let (mut squares, mut change, mut count) = (0.0, 0.0, 0.0);
     for index in (0..scene.train.len()).step_by(4) {
-        let (photo, formed) = session.formed(index);
+        let (photo, formed) = session.fit.formed(index);
         let Some(moving) = &scene.train[index].truth.moving else { continue };
         let gaussians = session.scene().at(photo.time);
         let (facts, config) = (session.fit.data.facts, session.fit.config);

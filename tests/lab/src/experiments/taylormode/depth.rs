@@ -6,26 +6,12 @@ use gs_datasets::{DepthPrior, DepthSpace, Scene, View};
 use gs_models::depth_prior::align;
 use gs_pipelines::taylormode::forward::in_space;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::Series;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::Trial;
-use crate::experiments::findings::largest;
+use super::trial::trial;
 use crate::experiments::lab::small;
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "depth",
-    "True depth, corrupted by a scale and a shift per photo in depth or in disparity, and by 20 % outliers: what does \
-     it cost fitted per photo, fitted once for all photos, by correlation alone, and believed?",
-    |quick| if quick { 5 * STEPS_QUICK } else { 19 * STEPS },
-    run,
-);
-
-const STEPS: usize = 480;
-const STEPS_QUICK: usize = 40;
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// At corruption 1, scales are from 1 / (1 + this) to 1 + this, and shifts within half of this share of the mean.
 const AFFINE: f64 = 0.6;
@@ -59,7 +45,7 @@ enum Fit {
     Absolute,
 }
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let scene = lab.world(&small(World::Monkey, 6))?;
     let none = psnr(lab, &with_prior(&scene, None), Fit::Absolute)?;
     let levels: &[f64] = lab.either(&[0.0, 0.5, 1.0], &[0.0, 1.0]);
@@ -122,8 +108,7 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
 
 fn psnr(lab: &Lab, scene: &Scene, fit: Fit) -> Result<f64> {
     let loss = if fit == Fit::Correlation { "prior.depth_fit=correlation" } else { "prior.depth_fit=photo" };
-    let config = Trial::config(lab, lab.either(STEPS, STEPS_QUICK), &["prior.until=1", "prior.sharp=0", WEIGHT, loss])?;
-    Ok(Trial::new(scene, config).begin(lab).finish()?.quality.mean.psnr)
+    Ok(trial(lab, scene, &["prior.until=1", "prior.sharp=0", WEIGHT, loss])?.measured(lab)?.quality.mean.psnr)
 }
 
 /// The scene with the true depth of its training photos as prior, corrupted by `wrong`; without any for `None`.

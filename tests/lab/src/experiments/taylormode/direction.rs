@@ -10,24 +10,11 @@ use gs_pipelines::taylormode::Taylormode;
 use gs_pipelines::taylormode::cues::find_cues;
 use gs_train::fit::parameters::from_host;
 use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
-use gsburn::report::charts::Series;
 
-use super::Trial;
 use super::surface::on_surface;
-use crate::experiments::findings::{largest, smallest};
+use super::trial::trial;
 use crate::experiments::lab::small;
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "direction",
-    "Paths begin with minus the velocity that the masks say: from how many frames on does training turn them round?",
-    |quick| if quick { 3 * STEPS_QUICK } else { 15 * STEPS },
-    run,
-);
-
-const STEPS: usize = 1000;
-const STEPS_QUICK: usize = 100;
+use crate::experiments::{Findings, Lab, Series, largest, smallest};
 
 /// Speeds of the world: 0.8, 1.7 and 3.3 pixels from one frame to the next, and about as much blur. The object's
 /// texture repeats every 3.4 pixels; a start at minus the velocity is wrong by twice the motion.
@@ -37,7 +24,7 @@ const SPEEDS: [(f64, &str); 3] =
 /// The share that a bound is on.
 const TURNED: &str = "Gaussians with the right sign after a start at minus the velocity, two or more frames, at worst";
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let counts: &[usize] = lab.either(&[1, 2, 3, 5], &[1, 2]);
     let (mut series, mut one) = (Vec::new(), Vec::new());
     for (speed, pixels) in lab.either(&SPEEDS[..], &SPEEDS[..1]) {
@@ -71,10 +58,9 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
 /// an initial velocity of `sign` times that of the masks' centre.
 fn turned(lab: &Lab, scene: &Scene, count: usize, sign: f64) -> Result<f64> {
     let part = frames(scene, count);
-    let steps = lab.either(STEPS, STEPS_QUICK);
-    let config = Trial::config(
+    let trial = trial(
         lab,
-        steps,
+        &part,
         &[
             "motion.order=1",
             "motion.order_max=1",
@@ -90,8 +76,7 @@ fn turned(lab: &Lab, scene: &Scene, count: usize, sign: f64) -> Result<f64> {
         ],
     )?;
     // The path is fitted to the whole recording, however few frames training uses.
-    let path = Trajectory::fit(&find_cues(scene, &config).centres, 3, 0);
-    let trial = Trial::new(&part, config);
+    let path = Trajectory::fit(&find_cues(scene, &trial.config).centres, 3, 0);
     let mut session = trial.begin(lab);
     let (window, rows) = (session.method().motion.window, session.method().motion.len());
     let start = path.map_or(glam::DVec3::ZERO, |path| path.velocity(window.t0)) * sign * window.half;
@@ -101,7 +86,7 @@ fn turned(lab: &Lab, scene: &Scene, count: usize, sign: f64) -> Result<f64> {
         .fit
         .trainer
         .change_method(|method| Taylormode { motion: TaylorMotion { position: turned, ..method.motion }, ..method });
-    session.until(steps)?;
+    session.until(lab.steps())?;
     let compared = on_surface(&session.scene(), &part, window.t0);
     let right = compared.iter().filter(|pair| pair.found.dot(pair.truth) > 0.0).count();
     Ok(right as f64 / compared.len() as f64)

@@ -10,18 +10,8 @@ use gs_models::taylormode::{Kinks, Paths, Remainder, TimeWindow};
 use gs_multiview::{Centre, Track, Trajectory};
 use gs_pipelines::taylormode::initial_paths::{contacts, displacement_blocks};
 use gs_train::fit::parameters::{from_host, to_host};
-use gsburn::report::charts::Series;
 
-use crate::experiments::findings::{largest, smallest};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::untrained(
-    "divergence",
-    "Sinusoid, circle, flight and bounce, fitted with paths of order 0 to 5, with and without the 3D remainder: how \
-     far off are they inside the window, how far beyond it, and does the remainder vanish faster than the last power?",
-    run,
-);
+use crate::experiments::{Findings, Lab, Series, largest, smallest};
 
 /// Fitted orders.
 const ORDERS: std::ops::RangeInclusive<usize> = 0..=5;
@@ -48,40 +38,30 @@ const PATHS: [Path; 4] = [
     Path { name: "bounce", position: |s| [0.5 * s, 0.0, (2.0 * s).sin().abs()] },
 ];
 
-fn run(_: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(_: &Lab, found: &mut Findings) -> Result<()> {
     let device = gs_burn::device::select("auto")?;
-    let (mut inside, mut outside, mut outside_rest, mut outside_kinked) =
-        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut outside, mut outside_rest, mut outside_kinked) = (Vec::new(), Vec::new(), Vec::new());
     for path in &PATHS {
         let fits: Vec<[Fit; 2]> =
             ORDERS.map(|order| [false, true].map(|rest| Fit::of(path, order, rest, &device))).collect();
-        let best = smallest(fits.iter().map(|pair| pair[0].error_inside())).unwrap_or(f64::NAN);
-        let best_rest = smallest(fits.iter().map(|pair| pair[1].error_inside())).unwrap_or(f64::NAN);
+        let [best, best_rest] =
+            [0, 1].map(|rest| smallest(fits.iter().map(|pair| pair[rest].error_inside())).unwrap_or(f64::NAN));
         let kinked = Fit::with_kinks(path, &device);
-        let best_kinked = kinked.as_ref().map_or(f64::NAN, Fit::error_inside);
-        let [line_mean, line_most] = fits[1][0].errors_outside();
-        for pair in &fits[2..] {
-            for (fit, ratios) in pair.iter().zip([&mut outside, &mut outside_rest]) {
-                let [mean, most] = fit.errors_outside();
-                ratios.push((mean / line_mean).max(most / line_most));
-            }
-        }
-        inside.push((path.name, best, best_rest, best_kinked));
-        if let Some(fit) = &kinked {
-            let [mean, most] = fit.errors_outside();
-            outside_kinked.push((mean / line_mean).max(most / line_most));
-        }
-        fan(found, path, &fits, kinked.as_ref());
-    }
-    for (name, best, best_rest, kinked) in inside {
-        found.at_most(
-            format!("{name}: largest error inside the window by the best path, shares of the object's size"),
-            Some(best.min(best_rest).min(kinked)),
-            0.01,
-            "",
-        );
-        let kinks = if kinked.is_nan() { "no kink is found".into() } else { format!("{kinked:.4} with kinks") };
+        let best_kinked = kinked.as_ref().map(Fit::error_inside);
+        let name = path.name;
+        let what = format!("{name}: largest error inside the window by the best path, shares of the object's size");
+        found.at_most(what, best.min(best_rest).min(best_kinked.unwrap_or(f64::NAN)), 0.01, "");
+        let kinks = best_kinked.map_or("no kink is found".into(), |error| format!("{error:.4} with kinks"));
         found.note(format!("{name}: {best:.4} without the remainder, {best_rest:.4} with it, {kinks}."));
+        let [line_mean, line_most] = fits[1][0].errors_outside();
+        let ratio = |fit: &Fit| {
+            let [mean, most] = fit.errors_outside();
+            (mean / line_mean).max(most / line_most)
+        };
+        outside.extend(fits[2..].iter().map(|pair| ratio(&pair[0])));
+        outside_rest.extend(fits[2..].iter().map(|pair| ratio(&pair[1])));
+        outside_kinked.extend(kinked.as_ref().map(ratio));
+        fan(found, path, &fits, kinked.as_ref());
     }
     let worst = "error over 1 < |s| < 3, mean and largest, against that of order 1, at worst";
     found.at_most(format!("orders 2 to 5: {worst}"), largest(outside), 1.1, "times");

@@ -11,24 +11,11 @@ use gs_pipelines::taylormode::Taylormode;
 use gs_pipelines::taylormode::figures::blur_over;
 use gs_train::fit::photos::to_tensor;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::Series;
 
-use super::Trial;
 use super::surface::on_surface;
-use crate::experiments::findings::largest;
+use super::trial::trial;
 use crate::experiments::lab::{Session, small};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "exposure",
-    "The exposure begins at 0.25 to 4 times the truth: is it found, and is its product with speed?",
-    |quick| if quick { 2 * STEPS_QUICK } else { 5 * STEPS },
-    run,
-);
-
-const STEPS: usize = 1600;
-const STEPS_QUICK: usize = 60;
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Rate of the exposure's logarithm, which allows the same total change as the 4000 steps at 2e-3 of a run of
 /// `base.toml`.
@@ -37,7 +24,7 @@ const RATE: &str = "blur.exposure_lr=5e-3";
 /// The same for a quick run, which has fewer steps.
 const RATE_QUICK: &str = "blur.exposure_lr=3e-2";
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let options = small(World::Cube, 6);
     let scene = lab.world(&options)?;
     let truth = options.exposure_time();
@@ -45,13 +32,10 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let (mut taus, mut products, mut valley) = (Vec::new(), Vec::new(), Vec::new());
     for factor in factors {
         let start = format!("blur.exposure={}", factor * truth);
-        let steps = lab.either(STEPS, STEPS_QUICK);
         // Selection would leave order 0 if the exposure begins far too short; it is tested elsewhere.
         let rate = lab.either(RATE, RATE_QUICK);
-        let config = Trial::config(lab, steps, &[&start, rate, "motion.select=false", "blur.samples=7"])?;
-        let trial = Trial::new(&scene, config);
-        let mut session = trial.begin(lab);
-        session.until(steps)?;
+        let trial = trial(lab, &scene, &[&start, rate, "motion.select=false", "blur.samples=7"])?;
+        let session = trial.trained(lab)?;
         let tau = session.method().exposure_on_host() / truth;
         let compared = on_surface(&session.scene(), &scene, session.method().motion.window.t0);
         let speed =

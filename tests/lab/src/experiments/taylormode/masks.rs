@@ -3,35 +3,21 @@
 use anyhow::Result;
 use gs_datasets::Scene;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::Series;
 
-use super::Trial;
-use crate::experiments::findings::largest;
+use super::trial::trial;
 use crate::experiments::lab::{moving_psnr, small};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "masks",
-    "True masks of what moves, eroded and dilated by up to 6 pixels of 96: what does it cost?",
-    |quick| if quick { 3 * STEPS_QUICK } else { 7 * STEPS },
-    run,
-);
-
-const STEPS: usize = 560;
-const STEPS_QUICK: usize = 40;
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Largest mask error for which bounds hold, pixels. The object is about 20 pixels wide; a segmentation that misses its
 /// outline by more than a tenth of that on either side is a poor one.
 const PROMISED: i32 = 2;
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let scene = lab.world(&small(World::Cube, 6))?;
     let widths: &[i32] = lab.either(&[-6, -4, -2, 0, 2, 4, 6], &[-2, 0, 2]);
     let (mut moving, mut whole) = (Vec::new(), Vec::new());
     for pixels in widths {
-        let config = Trial::config(lab, lab.either(STEPS, STEPS_QUICK), &["motion.masks=prior"])?;
-        let found = Trial::new(&grown(&scene, *pixels), config).begin(lab).finish()?;
+        let found = trial(lab, &grown(&scene, *pixels), &["motion.masks=prior"])?.measured(lab)?;
         moving.push((f64::from(*pixels), moving_psnr(&found)));
         whole.push((f64::from(*pixels), found.quality.mean.psnr));
     }

@@ -7,27 +7,12 @@ use gs_datasets::{Scene, View};
 use gs_pipelines::fit::SceneMethod;
 use gs_pipelines::still::Still;
 use gs_train::fit::photos::{camera, to_tensor};
-use gs_train::fit::session::Data;
 use gs_train::run::metrics::psnr;
 use gs_worlds::deblur::{DeblurOptions, World};
-use gsburn::report::charts::Series;
 
-use super::trial::{SHARED, Trial};
-use crate::experiments::findings::largest;
-use crate::experiments::lab::{Session, small};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "opacity",
-    "Opacities reset, decaying or left alone under classic density control, in a blurry moving scene, a sharp \
-               moving one and a static one: what does each cost during training and at the end?",
-    |quick| 9 * if quick { STEPS_QUICK } else { STEPS },
-    run,
-);
-
-const STEPS: usize = 900;
-const STEPS_QUICK: usize = 180;
+use super::trial::{SHARED, trial};
+use crate::experiments::lab::{Session, Trial, small};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Steps between measurements.
 const EVERY: usize = 15;
@@ -42,7 +27,7 @@ const BACKGROUND: &str = "data.background=[0.0, 0.0, 0.0]";
 
 const POLICIES: [&str; 3] = ["reset", "decay", "none"];
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let moving = lab.world(&small(World::Lychee, 6))?;
     let sharp = lab.world(&DeblurOptions { exposure: 0.0, ..small(World::Lychee, 6) })?;
     let static_scene = lab.world(&DeblurOptions { speed: 0.0, exposure: 0.0, ..small(World::Lychee, 2) })?;
@@ -51,14 +36,9 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
         ("sharp", &sharp, &["blur.mode=none", "prior.sharp=0"]),
         ("still", &static_scene, &[]),
     ];
-    for (name, scene, changes) in scenes {
-        let curves: Vec<Vec<(f64, f64)>> = POLICIES
-            .iter()
-            .map(|policy| match name {
-                "still" => static_curve(lab, scene, policy),
-                _ => moving_curve(lab, scene, policy, changes),
-            })
-            .collect::<Result<_>>()?;
+    for scene in scenes {
+        let name = scene.0;
+        let curves = POLICIES.iter().map(|policy| along(lab, scene, policy)).collect::<Result<Vec<_>>>()?;
         let [reset, decay, none] = [0, 1, 2].map(|i| curves[i].last().map_or(f64::NAN, |(_, psnr)| *psnr));
         let what = format!("{name}: PSNR with decay above that with reset at the end");
         found.at_least(what, decay - reset, -0.1, "dB");
@@ -78,33 +58,20 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
 
 /// Steps from one reset to the next: two in a run, with a third of it to recover from the second.
 fn reset_interval(lab: &Lab) -> usize {
-    lab.either(STEPS, STEPS_QUICK) / 3
+    lab.steps() / 3
 }
 
-/// PSNR of the held-out views along a run of a moving scene.
-fn moving_curve(lab: &Lab, scene: &Scene, policy: &str, changes: &[&str]) -> Result<Vec<(f64, f64)>> {
-    let strategy = strategy(lab, policy);
-    let strategy = strategy.iter().map(String::as_str);
-    let changes: Vec<&str> = strategy.chain([BACKGROUND]).chain(changes.iter().copied()).collect();
-    let trial = Trial::new(scene, Trial::config(lab, lab.either(STEPS, STEPS_QUICK), &changes)?);
-    curve(lab, trial.begin(lab))
-}
-
-/// PSNR of the held-out views along a run of a static scene.
-fn static_curve(lab: &Lab, scene: &Scene, policy: &str) -> Result<Vec<(f64, f64)>> {
-    let strategy = strategy(lab, policy);
-    let strategy = strategy.iter().map(String::as_str);
-    let changes: Vec<&str> = SHARED.into_iter().chain([BACKGROUND]).chain(strategy).collect();
-    let config = lab.config::<Still>(lab.either(STEPS, STEPS_QUICK), &changes)?;
-    let data = Data::<Still>::new(scene.clone(), &config);
-    curve(lab, Session::begin(lab, &data, &config))
-}
-
-/// Classic density control with an opacity policy, as `--set` overrides.
-fn strategy(lab: &Lab, policy: &str) -> [String; 4] {
+/// PSNR of the held-out views along a run of a scene by classic density control with an opacity policy.
+fn along(lab: &Lab, (name, scene, changes): (&str, &Scene, &[&str]), policy: &str) -> Result<Vec<(f64, f64)>> {
     let policy = format!("density.default.opacity_policy={policy}");
     let reset = format!("density.default.reset_every={}", reset_interval(lab));
-    ["density.strategy=default".into(), "density.stop=0.7".into(), policy, reset]
+    let fixed = [BACKGROUND, "density.strategy=default", "density.stop=0.7", &policy, &reset];
+    match name {
+        "still" => {
+            curve(lab, Trial::<Still>::new(lab, scene.clone(), &[&SHARED[..], &fixed, changes].concat())?.begin(lab))
+        }
+        _ => curve(lab, trial(lab, scene, &[&fixed, changes].concat())?.begin(lab)),
+    }
 }
 
 fn curve<M: SceneMethod>(lab: &Lab, mut session: Session<M>) -> Result<Vec<(f64, f64)>> {

@@ -12,24 +12,10 @@ use gs_pipelines::taylormode::blur::expose;
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::camera;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::Series;
 
-use super::Trial;
-use crate::experiments::findings::largest;
+use super::trial::trial;
 use crate::experiments::lab::small;
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "samples",
-    "An exposure formed from 3 to 33 instants against one formed from 129: how wrong is it, by the pixels that things \
-               move from one instant to the next?",
-    |quick| if quick { STEPS_QUICK } else { STEPS },
-    run,
-);
-
-const STEPS: usize = 400;
-const STEPS_QUICK: usize = 40;
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Instants of the reference.
 const REFERENCE: usize = 129;
@@ -40,11 +26,10 @@ const BLURRED: f32 = 1.0 / 255.0;
 /// Share of the moving Gaussians that the pixels of motion bound; outliers do not count.
 const SHARE: f64 = 0.95;
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let scene = lab.world(&small(World::Cube, 6))?;
-    let trial = Trial::new(&scene, Trial::config(lab, lab.either(STEPS, STEPS_QUICK), &[])?);
-    let mut session = trial.begin(lab);
-    session.until(usize::MAX)?;
+    let trial = trial(lab, &scene, &[])?;
+    let session = trial.trained(lab)?;
     let (model, exposure) = (session.scene(), session.method().exposure_on_host());
     let at = session.fit.at();
     let middle = model.motion.window.t0;

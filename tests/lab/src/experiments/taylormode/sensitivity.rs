@@ -2,32 +2,18 @@
 //! synthetic worlds and on a data set of the user.
 
 use anyhow::Result;
-use gs_datasets::{Priors, Scene};
+use gs_datasets::{Priors, Scene, load};
+use gs_pipelines::taylormode::Taylormode;
 use gs_pipelines::taylormode::config::CuesConfig;
 use gs_pipelines::taylormode::cues;
-use gs_pipelines::taylormode::{Config, Taylormode};
-use gs_train::run::measured::Measured;
 use gs_worlds::deblur::{DeblurOptions, PriorFaults, World};
-use gsburn::report::charts::Series;
 
-use super::Trial;
-use crate::experiments::lab::{moving_psnr, small};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment {
-    name: "sensitivity",
-    question: "Each heuristic of [cues] halved and doubled, photos alone: how many dB does it move?",
-    steps: |quick| if quick { 2 * RUNS * STEPS_QUICK } else { 2 * RUNS * STEPS },
-    on_request: true,
-    run,
-};
-
-const STEPS: usize = 600;
-const STEPS_QUICK: usize = 60;
+use super::trial::trial;
+use crate::experiments::lab::{Trial, moving_psnr, small};
+use crate::experiments::{Findings, Lab, Series};
 
 /// Steps on the user's data set, which is larger.
-const STEPS_REAL: usize = 1000;
+const STEPS_REAL: &str = "steps=1000";
 
 /// Width of the user's photos, pixels: about the reference width of the heuristics.
 const WIDTH_REAL: &str = "data.max_width=320";
@@ -52,20 +38,16 @@ const HEURISTICS: [Heuristic; 8] = [
     ("speck", |cues| cues.speck, [0.0, 0.01]),
 ];
 
-/// Runs on one scene.
-const RUNS: usize = SEEDS.len() + 2 * HEURISTICS.len();
-
 /// A scene with its name and its changes of the recipe.
 struct Ground {
     name: &'static str,
     scene: Scene,
-    steps: usize,
     changes: Vec<&'static str>,
     /// Whether the recipe of the small worlds applies.
     is_small: bool,
 }
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     for ground in grounds(lab)? {
         let unchanged: Vec<[f64; 2]> =
             SEEDS.iter().map(|seed| psnr(lab, &ground, &format!("seed={seed}"))).collect::<Result<_>>()?;
@@ -106,22 +88,20 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
 /// Photos alone: without points and priors everything must be inferred.
 fn grounds(lab: &Lab) -> Result<Vec<Ground>> {
     let alone = |world, ring| DeblurOptions { points: 0, ring, priors: PriorFaults::none(), ..small(world, 8) };
-    let steps = lab.either(STEPS, STEPS_QUICK);
     let own = |name, options: &DeblurOptions| -> Result<Ground> {
         let mut scene = lab.world(options)?;
         scene.train.iter_mut().for_each(|view| view.priors = Priors::default());
-        Ok(Ground { name, scene, steps, changes: Vec::new(), is_small: true })
+        Ok(Ground { name, scene, changes: Vec::new(), is_small: true })
     };
     let mut grounds = vec![own("arc", &alone(World::Cube, false))?, own("ring", &alone(World::Sphere, true))?];
     if let Some(path) = &lab.data {
-        let config = lab.config::<Taylormode>(1, &[WIDTH_REAL])?;
-        let scene = lab.real(path, &config.data.options())?;
+        let scene = load(path, &lab.config::<Taylormode>(&[WIDTH_REAL])?.data.options())?;
         // A data set that states no exposure is taken for sharp video.
         let sharp = scene.train.iter().all(|view| view.exposure.is_none());
         let blur = ["blur.mode=none", "blur.learn_exposure=false"];
-        let mut changes = vec![WIDTH_REAL, "eval.ms_ssim=false", "eval.lpips=false"];
+        let mut changes = vec![WIDTH_REAL, STEPS_REAL, "eval.ms_ssim=false", "eval.lpips=false"];
         changes.extend(blur.into_iter().filter(|_| sharp));
-        grounds.push(Ground { name: "data", scene, steps: STEPS_REAL, changes, is_small: false });
+        grounds.push(Ground { name: "data", scene, changes, is_small: false });
     }
     Ok(grounds)
 }
@@ -129,12 +109,12 @@ fn grounds(lab: &Lab) -> Result<Vec<Ground>> {
 /// PSNR over the whole image and in moving parts, with one change of the configuration.
 fn psnr(lab: &Lab, ground: &Ground, change: &str) -> Result<[f64; 2]> {
     let changes: Vec<&str> = ground.changes.iter().copied().chain([change]).collect();
-    let config: Config = match ground.is_small {
-        true => Trial::config(lab, ground.steps, &changes)?,
-        false => lab.config::<Taylormode>(ground.steps, &changes)?,
-    };
     let mut scene = ground.scene.clone();
     cues::leave_out_timeless(&mut scene);
-    let measured: Measured = Trial::new(&scene, config).begin(lab).finish()?;
+    let trial = match ground.is_small {
+        true => trial(lab, &scene, &changes)?,
+        false => Trial::new(lab, scene, &changes)?,
+    };
+    let measured = trial.measured(lab)?;
     Ok([measured.quality.mean.psnr, moving_psnr(&measured)])
 }

@@ -4,29 +4,15 @@ use anyhow::Result;
 use gs_base::median;
 use gs_datasets::Scene;
 use gs_worlds::deblur::{DeblurOptions, World};
-use gsburn::report::charts::Series;
 
-use super::Trial;
-use crate::experiments::findings::smallest;
+use super::trial::trial;
 use crate::experiments::lab::{moving_psnr, small};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "speed",
-    "0 to 60 pixels of motion per exposure: what is left of the moving parts, with the exact formation and without a \
-     blur model?",
-    |quick| if quick { 4 * STEPS_QUICK } else { 12 * STEPS },
-    run,
-);
-
-const STEPS: usize = 600;
-const STEPS_QUICK: usize = 40;
+use crate::experiments::{Findings, Lab, Series, smallest};
 
 /// Differences below this are as likely from the order of sums as from the method, dB.
 const NOISE: f64 = 0.1;
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     // Frames are far apart in time here, so that 60 pixels of blur need no extreme speed.
     let speeds: &[f64] = lab.either(&[0.0, 0.5, 1.0, 2.0, 4.0, 6.0], &[0.0, 1.0]);
     let (mut with, mut without) = (Vec::new(), Vec::new());
@@ -59,8 +45,7 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
 }
 
 fn sharp(lab: &Lab, scene: &Scene, changes: &[&str]) -> Result<f64> {
-    let config = Trial::config(lab, lab.either(STEPS, STEPS_QUICK), changes)?;
-    Ok(moving_psnr(&Trial::new(scene, config).begin(lab).finish()?))
+    Ok(moving_psnr(&trial(lab, scene, changes)?.measured(lab)?))
 }
 
 /// Median speed in the image at the middle of the recording, times the exposure, pixels.

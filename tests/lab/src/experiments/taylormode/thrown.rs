@@ -4,28 +4,12 @@
 use anyhow::Result;
 use burn::tensor::Tensor;
 use gs_datasets::Scene;
-use gs_pipelines::taylormode::Config;
 use gs_pipelines::taylormode::Taylormode;
-use gs_pipelines::taylormode::config::MaskSource;
 use gs_worlds::deblur::World;
-use gsburn::report::charts::Series;
 
-use super::Trial;
-use crate::experiments::findings::largest;
-use crate::experiments::lab::{Session, small};
-use crate::experiments::{Experiment, Findings, Lab};
-
-/// The experiment; see the module.
-pub const EXPERIMENT: Experiment = Experiment::new(
-    "thrown",
-    "Scenes 1e-2 to 1e2 times as large, three seeds: does a step ever move a Gaussian far, anywhere in the recording, \
-     and is the deformation nothing before the first?",
-    |quick| if quick { 2 * STEPS_QUICK } else { 5 * SEEDS.len() * STEPS },
-    run,
-);
-
-const STEPS: usize = 60;
-const STEPS_QUICK: usize = 30;
+use super::trial::trial;
+use crate::experiments::lab::{Session, Trial, small};
+use crate::experiments::{Findings, Lab, Series, largest};
 
 /// Seeds of the initial Gaussians, the order of the photos and the networks.
 const SEEDS: [u64; 3] = [42, 43, 44];
@@ -33,7 +17,7 @@ const SEEDS: [u64; 3] = [42, 43, 44];
 /// Times of the window at which positions are compared, normalised.
 const TIMES: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 
-fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
+pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let scene = lab.world(&small(World::Sphere, 6))?;
     let exponents: &[i32] = lab.either(&[-2, -1, 0, 1, 2], &[-2, 2]);
     let (mut series, mut first, mut steps) = (Vec::new(), Vec::new(), Vec::new());
@@ -66,7 +50,8 @@ fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     Ok(())
 }
 
-fn changes(seed: u64) -> Vec<String> {
+/// A run of `seed` with changes.
+fn seeded(lab: &Lab, scene: &Scene, seed: u64, changes: &[&str]) -> Result<Trial<Taylormode>> {
     // The count must be fixed and no path may be lowered, so that rows stay the same Gaussians. Rates stay at their
     // highest.
     let fixed = [
@@ -76,19 +61,12 @@ fn changes(seed: u64) -> Vec<String> {
         "prior.sharp=0",
         "motion.final_share=1",
     ];
-    fixed.map(String::from).into_iter().chain([format!("seed={seed}")]).collect()
-}
-
-fn config(lab: &Lab, steps: usize, seed: u64) -> Result<Config> {
-    let changes = changes(seed);
-    Trial::config(lab, steps, &changes.iter().map(String::as_str).collect::<Vec<_>>())
+    trial(lab, scene, &[&fixed, changes, &[&format!("seed={seed}")]].concat())
 }
 
 /// Largest displacement before the first step if no motion is known, scene units.
 fn untouched(lab: &Lab, scene: &Scene, seed: u64) -> Result<f64> {
-    let mut config = config(lab, 1, seed)?;
-    config.method.motion.masks = MaskSource::None;
-    let trial = Trial::new(scene, config);
+    let trial = seeded(lab, scene, seed, &["steps=1", "motion.masks=none"])?;
     let motion = trial.begin(lab).scene().paths();
     let window = motion.window;
     Ok(TIMES.iter().map(|s| most(motion.displacement(window.t0 + s * window.half))).fold(0.0, f64::max))
@@ -96,14 +74,13 @@ fn untouched(lab: &Lab, scene: &Scene, seed: u64) -> Result<f64> {
 
 /// For each step, the largest displacement of a Gaussian by it, in scene extents.
 fn trained(lab: &Lab, scene: &Scene, seed: u64) -> Result<Vec<(f64, f64)>> {
-    let steps = lab.either(STEPS, STEPS_QUICK);
-    let trial = Trial::new(scene, config(lab, steps, seed)?);
+    let trial = seeded(lab, scene, seed, &[])?;
     let mut session = trial.begin(lab);
     let extent = trial.data.facts.extent;
     let mut before = positions(&session);
     let mut curve = Vec::new();
-    for step in 1..=steps {
-        session.step()?;
+    for step in 1..=lab.steps() {
+        session.until(step)?;
         let after = positions(&session);
         let moved = before.iter().zip(&after).map(|(a, b)| most(b.clone() - a.clone())).fold(0.0, f64::max);
         curve.push((step as f64, moved / extent));

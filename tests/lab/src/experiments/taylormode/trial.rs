@@ -3,11 +3,10 @@
 use anyhow::Result;
 use gs_datasets::Scene;
 use gs_models::taylormode::TaylorScene;
-use gs_pipelines::taylormode::{Config, Taylormode};
-use gs_train::fit::session::Data;
+use gs_pipelines::taylormode::Taylormode;
 
 use crate::experiments::Lab;
-use crate::experiments::lab::Session;
+use crate::experiments::lab::{Session, Trial};
 
 /// The part of the recipe that a static scene shares.
 pub const SHARED: [&str; 15] = [
@@ -33,33 +32,9 @@ pub const SHARED: [&str; 15] = [
 /// scene sharp enough for blur to matter. The rest is the base recipe.
 const MOVING: [&str; 3] = ["motion.points=800", "motion.select_every=50", "blur.samples=5"];
 
-/// A scene and its configuration.
-pub struct Trial {
-    /// The scene with its facts and cues.
-    pub data: Data<Taylormode>,
-    /// The configuration.
-    pub config: Config,
-}
-
-impl Trial {
-    /// The recipe of the small worlds with changes.
-    ///
-    /// # Errors
-    /// When a change is not valid.
-    pub fn config(lab: &Lab, steps: usize, changes: &[&str]) -> Result<Config> {
-        let all: Vec<&str> = SHARED.iter().chain(&MOVING).chain(changes).copied().collect();
-        Ok(lab.config::<Taylormode>(steps, &all)?)
-    }
-
-    /// A trial on `scene`.
-    pub fn new(scene: &Scene, config: Config) -> Self {
-        Self { data: Data::new(scene.clone(), &config), config }
-    }
-
-    /// The state before the first step.
-    pub fn begin<'a>(&'a self, lab: &'a Lab) -> Session<'a, Taylormode> {
-        Session::begin(lab, &self.data, &self.config)
-    }
+/// A run of the recipe of the small worlds with changes.
+pub fn trial(lab: &Lab, scene: &Scene, changes: &[&str]) -> Result<Trial<Taylormode>> {
+    Trial::new(lab, scene.clone(), &[&SHARED[..], &MOVING, changes].concat())
 }
 
 impl Session<'_, Taylormode> {
