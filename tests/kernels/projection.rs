@@ -147,6 +147,14 @@ fn every_device_follows_the_reference() {
 }
 
 #[test]
+#[should_panic(expected = "axis 1 expected 4, got 3")]
+fn a_wrong_shape_is_named() {
+    let scene = Scene::random(2, 4);
+    let Leaves { means, log_scales, viewmat, .. } = scene.leaves(reference());
+    project(means, log_scales.clone(), log_scales, viewmat, &scene.config);
+}
+
+#[test]
 fn no_gaussians_no_rows() {
     for place in everywhere() {
         let empty = |columns| Tensor::<2>::zeros([0, columns], (&place.device, place.dtype));

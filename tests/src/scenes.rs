@@ -11,7 +11,8 @@ use gs_kernels::rows::{PROJECTED, ProjectedRow};
 
 use crate::cutoff::undecided_pixels;
 use crate::devices::{Place, reference};
-use crate::tolerance::values;
+use crate::finite_differences::assert_derivative;
+use crate::tolerance::{assert_gradient, values};
 
 #[path = "../../gs-kernels/tests/scenes/mod.rs"]
 pub(crate) mod generator;
@@ -39,6 +40,11 @@ impl Random {
     /// `count` numbers in `low..high` that `f32` holds exactly, so that both precisions get the same input.
     pub fn values(&mut self, count: usize, low: f64, high: f64) -> Vec<f64> {
         (0..count).map(|_| single(self.uniform(low, high))).collect()
+    }
+
+    /// Such numbers as a tensor of `place` that requires a gradient.
+    pub fn leaf<const D: usize>(&mut self, place: &Place, shape: [usize; D], low: f64, high: f64) -> Tensor<D> {
+        place.leaf(&self.values(shape.iter().product(), low, high), shape)
     }
 }
 
@@ -164,6 +170,28 @@ impl Scene {
         self.opacity_logits.iter().map(|x| 1.0 / (1.0 + (-x).exp())).collect()
     }
 
+    /// Asserts that the gradient of `f` by each of the groups `by` is its derivative, see [`assert_derivative`].
+    #[track_caller]
+    pub fn assert_derivatives(
+        &self,
+        what: &str,
+        place: &Place,
+        by: &[usize],
+        samples: usize,
+        f: impl Fn(&Leaves) -> Tensor<1>,
+    ) {
+        let leaves = self.leaves(place);
+        let gradients = leaves.gradients(&f(&leaves).backward());
+        for &k in by {
+            let what = format!("{}, {what} on {}", GROUPS[k], place.name);
+            assert_derivative(&what, self.groups()[k], &gradients[k], samples, |x| {
+                let mut moved = self.clone();
+                moved.groups_mut()[k].copy_from_slice(x);
+                values(&f(&moved.leaves(place)))[0]
+            });
+        }
+    }
+
     /// Pixels at a cut-off, at most a `share` of all, see [`crate::cutoff`].
     #[track_caller]
     pub fn undecided(&self, share: f64) -> Vec<bool> {
@@ -236,7 +264,9 @@ impl Leaves {
     /// Gradients on the host in the order of [`GROUPS`]; zeros for a group that `gradients` does not hold.
     pub fn gradients(&self, gradients: &Gradients) -> [Vec<f64>; 7] {
         fn take<const D: usize>(leaf: &Tensor<D>, gradients: &Gradients) -> Vec<f64> {
-            leaf.grad(gradients).map_or_else(|| vec![0.0; leaf.dims().iter().product()], |gradient| values(&gradient))
+            let Some(gradient) = leaf.grad(gradients) else { return vec![0.0; leaf.dims().iter().product()] };
+            assert_eq!(gradient.dims(), leaf.dims(), "shape of a gradient");
+            values(&gradient)
         }
         [
             take(&self.means, gradients),
@@ -247,6 +277,14 @@ impl Leaves {
             take(&self.viewmat, gradients),
             take(&self.background, gradients),
         ]
+    }
+}
+
+/// Asserts that the gradients by the groups `by` are the expected ones, see [`assert_gradient`].
+#[track_caller]
+pub fn assert_gradients(what: &str, by: &[usize], actual: &[Vec<f64>; 7], expected: &[Vec<f64>; 7], bound: f64) {
+    for &k in by {
+        assert_gradient(&format!("{}, {what}", GROUPS[k]), &actual[k], &expected[k], bound);
     }
 }
 
