@@ -78,18 +78,9 @@ fn every_device_follows_the_reference() {
     }
 }
 
-/// Needles of 1:1000 at any angle, some across the frustum edge, some across the near plane.
 #[test]
 fn needles_and_edges_follow_the_reference() {
-    let mut scene = Scene::random(60, 9);
-    for (i, (mean, log_scales)) in scene.means.chunks_mut(3).zip(scene.log_scales.chunks_mut(3)).enumerate() {
-        log_scales.copy_from_slice(&[if i % 2 == 0 { 0.25 } else { 1.5 }, -7.0, -6.5]);
-        match i % 4 {
-            1 => mean[0] = f64::from((mean[2] * 0.75) as f32),
-            2 => mean[2] = f64::from((0.011 + 0.02 * i as f64) as f32),
-            _ => {}
-        }
-    }
+    let scene = Scene::needles_and_edges();
     assert_follows_the_reference("needles and edges", &scene, HARD_GRADIENT_F32, SHARE);
 }
 

@@ -23,6 +23,9 @@ pub const GROUPS: [&str; 7] = ["means", "quats", "log_scales", "opacity_logits",
 /// Numbers per Gaussian of the first five [`GROUPS`], for degree 3.
 pub const COLUMNS: [usize; 5] = [3, 4, 3, 1, 48];
 
+/// The pose of a camera at the origin that looks along z, row-major.
+pub const IDENTITY: [f64; 16] = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
+
 /// Uniform numbers from a seed, the same on every machine.
 pub struct Random(generator::Random);
 
@@ -99,6 +102,20 @@ impl Scene {
         self.config.cy = 0.52 * f64::from(height);
         (self.config.width, self.config.height) = (width, height);
         self
+    }
+
+    /// Needles of 1:1000 at any angle, some across the frustum edge, some across the near plane.
+    pub fn needles_and_edges() -> Self {
+        let mut scene = Self::random(60, 9);
+        for (i, (mean, log_scales)) in scene.means.chunks_mut(3).zip(scene.log_scales.chunks_mut(3)).enumerate() {
+            log_scales.copy_from_slice(&[if i % 2 == 0 { 0.25 } else { 1.5 }, -7.0, -6.5]);
+            match i % 4 {
+                1 => mean[0] = single(mean[2] * 0.75),
+                2 => mean[2] = single(0.011 + 0.02 * i as f64),
+                _ => {}
+            }
+        }
+        scene
     }
 
     /// Number of Gaussians.
