@@ -3,7 +3,7 @@
 use burn::tensor::Tensor;
 use gs_models::taylormode::{Paths, RemainderFrame, TimeWindow};
 use gs_tests::devices::{doubles, everywhere, reference};
-use gs_tests::finite_differences::assert_derivative;
+use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_near, largest, values};
 
@@ -116,26 +116,16 @@ fn gradients_reach_coefficients_and_gaussians() {
     let base = paths(place, &mut random);
     let pull = [random.values(18, -1.0, 1.0), random.values(24, -1.0, 1.0), random.values(18, -1.0, 1.0)];
     let t = 0.57;
-    let loss = |position: Tensor<2>, rotation: Tensor<2>, means: Tensor<2>, quats: Tensor<2>| -> Tensor<1> {
+    let (position, rotation) = (values(&base.position), values(&base.rotation));
+    let arguments: [(&str, &[f64]); 4] =
+        [("position", &position), ("rotation", &rotation), ("means", &means), ("quats", &quats)];
+    assert_derivatives("paths", place, arguments, 30, |[position, rotation, means, quats]| {
+        let (position, rotation) = (position.reshape([3, 9]), rotation.reshape([3, 6]));
         let paths = Paths { position, rotation, ..base.clone() };
-        (paths.means_at(means, t) * place.tensor(&pull[0], [6, 3])).sum()
-            + (paths.quats_at(quats, t).square() * place.tensor(&pull[1], [6, 4])).sum()
+        (paths.means_at(means.reshape([6, 3]), t) * place.tensor(&pull[0], [6, 3])).sum()
+            + (paths.quats_at(quats.reshape([6, 4]), t).square() * place.tensor(&pull[1], [6, 4])).sum()
             + (paths.velocities(6, t) * place.tensor(&pull[2], [6, 3])).sum()
-    };
-    let inputs = [values(&base.position), values(&base.rotation), means, quats];
-    let shapes = [[3, 9], [3, 6], [6, 3], [6, 4]];
-    let [a, b, c, d] = [0, 1, 2, 3].map(|i| place.leaf(&inputs[i], shapes[i]));
-    let gradients = loss(a.clone(), b.clone(), c.clone(), d.clone()).backward();
-    for (i, leaf) in [a, b, c, d].into_iter().enumerate() {
-        let gradient = values(&leaf.grad(&gradients).expect("tracked"));
-        let name = ["position", "rotation", "means", "quats"][i];
-        assert_derivative(name, &inputs[i], &gradient, 30, |x| {
-            let mut moved = inputs.clone();
-            moved[i] = x.to_vec();
-            let [a, b, c, d] = [0, 1, 2, 3].map(|i| place.tensor(&moved[i], shapes[i]));
-            values(&loss(a, b, c, d))[0]
-        });
-    }
+    });
 }
 
 /// A cubic path and an accelerating turn, from where three points on the Gaussian's axes are at 16 times.
