@@ -1,6 +1,7 @@
 //! Eq. 2 and 3: identity at t0, order of accuracy, velocity, known trajectories recovered.
 
 use burn::tensor::Tensor;
+use gs_burn::Gaussians;
 use gs_models::taylormode::{Paths, RemainderFrame, TimeWindow};
 use gs_tests::devices::{doubles, everywhere, reference};
 use gs_tests::finite_differences::assert_derivatives;
@@ -8,6 +9,12 @@ use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_near, largest, values};
 
 use crate::{WINDOW, gaussians, log_slope, paths, randomised, rows, standing};
+
+/// Centres and orientations of the moving rows at one time.
+fn sampled(paths: &Paths, still: &Gaussians, t: f64) -> (Tensor<2>, Tensor<2>) {
+    let samples = paths.samples(&still.means.val(), &still.quats.val(), &vec![t].into());
+    (samples.means, samples.quats)
+}
 
 #[test]
 fn nothing_has_moved_at_t0() {
@@ -22,7 +29,7 @@ fn nothing_has_moved_at_t0() {
         ] {
             assert!(a.iter().zip(&b).all(|(a, b)| a.to_bits() == b.to_bits()), "{}: {what} at t0", place.name);
         }
-        let (means, _) = paths.sample_rows(&still.means.val(), &still.quats.val(), WINDOW.t0);
+        let (means, _) = sampled(&paths, &still, WINDOW.t0);
         let stored = still.means.val().select(0, paths.rows.clone());
         assert_eq!(values(&means), values(&stored), "{}: sampled at t0", place.name);
     }
@@ -49,7 +56,7 @@ fn rows_that_are_not_listed_stay() {
             assert_eq!(velocities[i], expected.1, "velocity of row {row} axis {axis}");
         }
     }
-    let (means, quats) = paths.sample_rows(&still.means.val(), &still.quats.val(), t);
+    let (means, quats) = sampled(&paths, &still, t);
     assert_eq!(values(&means), values(&moved.means.val().select(0, paths.rows.clone())));
     assert_eq!(values(&quats), values(&moved.quats.val().select(0, paths.rows.clone())));
 }
@@ -144,7 +151,7 @@ fn known_trajectories_are_recovered() {
         let still = gaussians(place, &mut random);
         let times: Vec<f64> = (0..16).map(|i| WINDOW.t0 + WINDOW.half * ((f64::from(i) + 0.5) / 8.0 - 1.0)).collect();
         let seen = |paths: &Paths, t: f64| {
-            let (means, quats) = paths.sample_rows(&still.means.val(), &still.quats.val(), t);
+            let (means, quats) = sampled(paths, &still, t);
             Tensor::cat(vec![means, quats], 1)
         };
         let targets: Vec<Tensor<2>> = times.iter().map(|t| seen(&of(&truth), *t)).collect();
@@ -177,7 +184,7 @@ fn nothing_that_moves_is_no_special_case() {
         let none = standing(place, &[]);
         assert_eq!(values(&none.means_at(still.means.val(), 0.6)), values(&still.means.val()));
         assert_eq!(values(&none.velocities(6, 0.6)).len(), 18);
-        let (means, quats) = none.sample_rows(&still.means.val(), &still.quats.val(), 0.6);
+        let (means, quats) = sampled(&none, &still, 0.6);
         assert_eq!([means.dims(), quats.dims()], [[0, 3], [0, 4]], "{}", place.name);
         let flat = standing(place, &[0, 5]);
         assert_eq!(flat.displacement(0.6).dims(), [2, 3]);
