@@ -4,3 +4,4 @@
 mod gradients;
 mod kernels;
 mod memory;
+mod modules;

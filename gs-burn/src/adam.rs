@@ -187,6 +187,3 @@ impl Adam {
 fn is_under(found: &str, path: &str) -> bool {
     found.strip_prefix(path).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
-
-#[cfg(test)]
-mod tests;

@@ -63,8 +63,6 @@ pub mod render;
 pub mod row_map;
 
 mod slices;
-#[cfg(test)]
-mod testing;
 
 pub use adam::{Adam, AdamRate};
 pub use camera::Camera;

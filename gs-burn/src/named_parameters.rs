@@ -278,6 +278,3 @@ fn from_table<const D: usize>(table: Tensor<2>, mut shape: [usize; D], path: &st
     assert!(fits, "{columns} columns do not fit the axes of {path}, {shape:?}");
     if shape.contains(&0) { Tensor::zeros(shape, (&table.device(), table.dtype())) } else { table.reshape(shape) }
 }
-
-#[cfg(test)]
-mod tests;

@@ -165,6 +165,3 @@ pub(crate) fn projection_config(camera: &Camera, options: &RenderOptions) -> Pro
         antialiased: options.antialiased,
     }
 }
-
-#[cfg(test)]
-mod tests;

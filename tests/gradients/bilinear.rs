@@ -1,10 +1,10 @@
 //! `gs_burn::ops::bilinear`: values, borders, gradients by image and place.
 
-use gs_burn::ops::bilinear::bilinear;
-use gs_tests::devices::{everywhere, reference};
-use gs_tests::finite_differences::assert_derivative;
+use gs_burn::ops::bilinear::{bilinear, bilinear_reference};
+use gs_tests::devices::{doubles, everywhere, reference};
+use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::Random;
-use gs_tests::tolerance::{assert_near, values};
+use gs_tests::tolerance::{assert_near, assert_same_gradients, gradient_of, values};
 
 #[test]
 fn values_are_those_of_the_patches() {
@@ -42,18 +42,42 @@ fn gradients_are_derivatives() {
     let places: Vec<f64> =
         (0..24).map(|_| f64::from(random.uniform(-1.0, 6.0) as i32) + random.uniform(0.1, 0.4)).collect();
     let pull = place.tensor(&random.values(24, -1.0, 1.0), [12, 2]);
-    let (image, at) = (place.leaf(&numbers, [height, width, 2]), place.leaf(&places, [12, 2]));
-    let gradients = (bilinear(image.clone(), at.clone()) * pull.clone()).sum().backward();
-    let by_image = values(&image.grad(&gradients).expect("tracked"));
-    let by_place = values(&at.grad(&gradients).expect("tracked"));
-    assert_derivative("image", &numbers, &by_image, 40, |x| {
-        let image = place.tensor(x, [height, width, 2]);
-        values(&(bilinear(image, place.tensor(&places, [12, 2])) * pull.clone()).sum())[0]
+    assert_derivatives("lookup", place, [("image", &numbers), ("places", &places)], 40, |[image, at]| {
+        (bilinear(image.reshape([height, width, 2]), at.reshape([12, 2])) * pull.clone()).sum()
     });
-    assert_derivative("places", &places, &by_place, 24, |x| {
-        let image = place.tensor(&numbers, [height, width, 2]);
-        values(&(bilinear(image, place.tensor(x, [12, 2])) * pull.clone()).sum())[0]
-    });
+}
+
+#[test]
+fn doubles_follow_the_reference() {
+    for place in doubles() {
+        for (height, width, channels) in [(6, 7, 3), (1, 5, 2), (4, 1, 1), (33, 40, 3)] {
+            let image = Random::new(1).leaf(place, [height, width, channels], -1.0, 1.0);
+            // Inside, and up to two pixels beyond each border.
+            let at = Random::new(2).leaf(place, [300, 2], -2.0, width.max(height) as f64 + 2.0);
+            let [actual, expected] = [bilinear, bilinear_reference].map(|lookup| lookup(image.clone(), at.clone()));
+            assert_same_gradients(actual, expected, &[("image", gradient_of(&image)), ("places", gradient_of(&at))]);
+        }
+    }
+}
+
+#[test]
+fn one_tracked_argument_alone_gets_a_gradient() {
+    let place = reference();
+    let (image, at) = (Random::new(3).values(60, -1.0, 1.0), Random::new(4).values(18, 0.0, 4.0));
+    let leaf = place.leaf(&image, [5, 4, 3]);
+    let gradients = bilinear(leaf.clone(), place.tensor(&at, [9, 2]).autodiff()).sum().backward();
+    let total: f64 = values(&leaf.grad(&gradients).expect("tracked")).iter().sum();
+    // The shares of a lookup sum to 1.
+    assert!((total - 27.0).abs() < 1e-12, "{total}");
+    let leaf = place.leaf(&at, [9, 2]);
+    let gradients = bilinear(place.tensor(&image, [5, 4, 3]).autodiff(), leaf.clone()).sum().backward();
+    assert!(values(&leaf.grad(&gradients).expect("tracked")).iter().all(|g| g.is_finite()));
+}
+
+#[test]
+fn no_positions_are_a_shape() {
+    let place = reference();
+    assert_eq!(bilinear(place.tensor(&[1.0; 12], [2, 2, 3]), place.tensor(&[], [0, 2])).dims(), [0, 3]);
 }
 
 #[test]

@@ -2,9 +2,8 @@
 //! screen.
 
 use burn::tensor::Tensor;
-use gs_burn::{ExposureRendering, render_exposure};
-use gs_tests::devices::{Place, doubles, reference, singles};
-use gs_tests::exposure::Moving;
+use gs_tests::devices::{Place, bounded, reference, singles};
+use gs_tests::exposure::{Moving, image};
 use gs_tests::finite_differences::assert_derivative;
 use gs_tests::scenes::{GROUPS, Random};
 use gs_tests::tolerance::{GRADIENT_F32, GRADIENT_F64, assert_gradient, assert_near, largest, values};
@@ -17,20 +16,12 @@ fn loss(case: &Moving, image: Tensor<3>, place: &Place) -> Tensor<1> {
     (image * place.tensor(&weights, dims).autodiff()).sum() * scale
 }
 
-fn image(rendering: &ExposureRendering) -> Tensor<3> {
-    let depth = rendering.depth.clone().expect("depth was asked for");
-    Tensor::cat(vec![rendering.color.clone(), rendering.alpha.clone(), depth], 2)
-}
-
 /// Gradients by the groups of the scene, by each sample's rows, and the screen statistic.
 fn gradients(case: &Moving, linear: bool, shared: bool, place: &Place) -> Vec<(String, Vec<f64>)> {
     let (leaves, samples) = (case.scene.leaves(place), case.samples(place));
     let screen = place.leaf(&vec![0.0; 4 * case.scene.count()], [case.scene.count(), 4]);
     let output = if shared {
-        let camera = case.scene.camera(leaves.viewmat.clone());
-        let options = case.options(linear);
-        let gaussians = leaves.gaussians();
-        image(&render_exposure(&gaussians, &case.moving, &samples, &camera, &options, Some(screen.clone())))
+        image(&case.exposure(&leaves, &samples, &case.options(linear), Some(screen.clone())))
     } else {
         case.mean(&case.each(&leaves, &samples, Some(&screen)), linear)
     };
@@ -76,11 +67,8 @@ fn cases() -> Vec<(&'static str, Moving)> {
 fn those_of_one_rendering_an_instant() {
     for (name, case) in cases() {
         for linear in [false, true] {
-            for place in doubles() {
-                compare(name, &case, linear, place, GRADIENT_F64);
-            }
-            for place in singles() {
-                compare(name, &case, linear, place, GRADIENT_F32);
+            for (place, bound) in bounded(GRADIENT_F64, GRADIENT_F32) {
+                compare(name, &case, linear, place, bound);
             }
         }
     }
@@ -109,10 +97,7 @@ fn derivative_of_the_loss_by_the_samples() {
     let case = Moving::random(25, 4, 3, 0.1, 27);
     let evaluate = |case: &Moving| {
         let (leaves, samples) = (case.scene.leaves(place), case.samples(place));
-        let camera = case.scene.camera(leaves.viewmat.clone());
-        let options = case.options(true);
-        let rendering = render_exposure(&leaves.gaussians(), &case.moving, &samples, &camera, &options, None);
-        (loss(&case.clone(), image(&rendering), place), samples)
+        (loss(case, image(&case.exposure(&leaves, &samples, &case.options(true), None)), place), samples)
     };
     let (value, samples) = evaluate(&case);
     let gradients = value.backward();

@@ -1,16 +1,15 @@
 //! `gs_burn::ops::projection`.
 
 use burn::tensor::Tensor;
-use gs_burn::ops::projection::{project, project_reference};
+use gs_burn::ops::projection::{ProjectionConfig, project, project_reference};
 use gs_kernels::rows::{PROJECTED, ProjectedRow};
-use gs_tests::devices::{Place, doubles, reference, singles};
-use gs_tests::finite_differences::assert_derivative;
-use gs_tests::scenes::{GROUPS, Leaves, Random, Scene};
-use gs_tests::tolerance::{GRADIENT_F32, GRADIENT_F64, HARD_GRADIENT_F32, assert_gradient, values};
+use gs_tests::devices::{Place, bounded, doubles, reference, singles};
+use gs_tests::scenes::{Leaves, Random, Scene, assert_gradients};
+use gs_tests::tolerance::{GRADIENT_F32, GRADIENT_F64, HARD_GRADIENT_F32};
 
-type Project = fn(Tensor<2>, Tensor<2>, Tensor<2>, Tensor<2>, &gs_burn::ops::projection::ProjectionConfig) -> Tensor<2>;
+type Project = fn(Tensor<2>, Tensor<2>, Tensor<2>, Tensor<2>, &ProjectionConfig) -> Tensor<2>;
 
-/// The groups the projection depends on, as places in [`GROUPS`].
+/// The groups the projection depends on, as places in [`gs_tests::scenes::GROUPS`].
 const DEPENDS_ON: [usize; 4] = [0, 1, 2, 5];
 
 /// A weight for every entry of every row but the radius, through which no gradient flows.
@@ -50,15 +49,7 @@ fn scenes() -> [(&'static str, Scene); 3] {
 fn doubles_are_the_central_differences() {
     for place in doubles() {
         for (case, scene) in scenes() {
-            let gradients = gradients(&scene, place, project);
-            for k in DEPENDS_ON {
-                let what = format!("{}, {case} on {}", GROUPS[k], place.name);
-                assert_derivative(&what, scene.groups()[k], &gradients[k], 100, |x| {
-                    let mut moved = scene.clone();
-                    *moved.groups_mut()[k] = x.to_vec();
-                    values(&sum(&moved, &moved.leaves(place), place, project))[0]
-                });
-            }
+            scene.assert_derivatives(case, place, &DEPENDS_ON, 100, |leaves| sum(&scene, leaves, place, project));
         }
     }
 }
@@ -67,13 +58,9 @@ fn doubles_are_the_central_differences() {
 fn every_device_follows_the_reference() {
     for (case, scene) in scenes() {
         let expected = gradients(&scene, reference(), project_reference);
-        for (place, bound) in
-            doubles().iter().map(|p| (p, GRADIENT_F64)).chain(singles().iter().map(|p| (p, GRADIENT_F32)))
-        {
+        for (place, bound) in bounded(GRADIENT_F64, GRADIENT_F32) {
             let actual = gradients(&scene, place, project);
-            for k in DEPENDS_ON {
-                assert_gradient(&format!("{}, {case} on {}", GROUPS[k], place.name), &actual[k], &expected[k], bound);
-            }
+            assert_gradients(&format!("{case} on {}", place.name), &DEPENDS_ON, &actual, &expected, bound);
         }
     }
 }
@@ -88,8 +75,6 @@ fn needles_follow_the_reference() {
     let expected = gradients(&scene, reference(), project_reference);
     for place in singles() {
         let actual = gradients(&scene, place, project);
-        for k in DEPENDS_ON {
-            assert_gradient(&format!("{} on {}", GROUPS[k], place.name), &actual[k], &expected[k], HARD_GRADIENT_F32);
-        }
+        assert_gradients(&format!("on {}", place.name), &DEPENDS_ON, &actual, &expected, HARD_GRADIENT_F32);
     }
 }

@@ -5,8 +5,8 @@ use gs_burn::ops::intersect::intersect;
 use gs_burn::ops::rasterize::{RasterizeConfig, rasterize, rasterize_reference};
 use gs_kernels::rows::{PROJECTED, ProjectedRow, SCREEN};
 use gs_tests::cutoff::{SHARE, SHARE_IN_STACKS, undecided_pixels, without};
-use gs_tests::devices::{Place, doubles, reference, singles};
-use gs_tests::finite_differences::assert_derivative;
+use gs_tests::devices::{Place, bounded, doubles, reference};
+use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::{Random, Reading, Scene};
 use gs_tests::tolerance::{
     GRADIENT_F32, GRADIENT_F64, HARD_GRADIENT_F32, assert_gradient, assert_near, column, largest, values,
@@ -47,44 +47,40 @@ impl Inputs {
         self
     }
 
-    fn leaves(&self, place: &Place) -> (Tensor<2>, Tensor<1>, Tensor<2>, Tensor<1>, Tensor<2>) {
-        let [rows, opacities, features, background] = &self.arguments;
-        let count = opacities.len();
-        (
-            place.leaf(rows, [count, PROJECTED]),
-            place.leaf(opacities, [count]),
-            place.leaf(features, [count, self.config.channels]),
-            place.leaf(background, [self.config.channels]),
-            place.leaf(&vec![0.0; count * SCREEN], [count, SCREEN]),
-        )
-    }
-
-    /// The weighted output's sum, and its gradients in the order of [`NAMES`]; of the screen the signed half, which is
-    /// all that the reference has.
-    fn run(&self, place: &Place, reading: Reading) -> (f64, [Vec<f64>; 5], Vec<f64>) {
-        let (rows, opacities, features, background, screen) = self.leaves(place);
+    /// The weighted output's sum, of flat arguments in the order of [`NAMES`].
+    fn sum(
+        &self,
+        [rows, opacities, features, background]: [Tensor<1>; 4],
+        screen: Option<Tensor<2>>,
+        place: &Place,
+        reading: Reading,
+    ) -> Tensor<1> {
         let (width, height) = (self.config.width as usize, self.config.height as usize);
-        let [r, f] = [&rows, &features].map(Tensor::clone);
-        let (o, b, s) = (opacities.clone(), background.clone(), Some(screen.clone()));
+        let rows = rows.reshape([-1, PROJECTED as i32]);
+        let features = features.reshape([-1, self.config.channels as i32]);
         let image = match reading {
             Reading::Kernels => {
-                let lists = intersect(r.clone(), o.clone(), f.clone(), width, height);
-                rasterize(r, o, f, b, s, &lists, &self.config)
+                let lists = intersect(rows.clone(), opacities.clone(), features.clone(), width, height);
+                rasterize(rows, opacities, features, background, screen, &lists, &self.config)
             }
-            Reading::Reference => rasterize_reference(r, o, f, b, s, &self.config),
+            Reading::Reference => rasterize_reference(rows, opacities, features, background, screen, &self.config),
         };
         let weights = place.tensor(&self.weights, image.dims()).autodiff();
-        let sum = (image * weights).sum();
-        let gradients = sum.backward();
+        (image * weights).sum()
+    }
+
+    /// The gradients in the order of [`NAMES`], of the screen the signed half, which is all that the reference has; and
+    /// its absolute half.
+    fn gradients(&self, place: &Place, reading: Reading) -> ([Vec<f64>; 5], Vec<f64>) {
+        let leaves = self.arguments.each_ref().map(|values| place.leaf(values, [values.len()]));
+        let count = self.arguments[1].len();
+        let screen = place.leaf(&vec![0.0; count * SCREEN], [count, SCREEN]);
+        let gradients = self.sum(leaves.clone(), Some(screen.clone()), place, reading).backward();
         let screen = screen.grad(&gradients).expect("the screen is tracked");
-        let both = [
-            values(&rows.grad(&gradients).expect("rows are tracked")),
-            values(&opacities.grad(&gradients).expect("opacities are tracked")),
-            values(&features.grad(&gradients).expect("features are tracked")),
-            values(&background.grad(&gradients).expect("the background is tracked")),
-            values(&screen.clone().narrow(1, 0, SCREEN / 2)),
-        ];
-        (values(&sum)[0], both, values(&screen.narrow(1, SCREEN / 2, SCREEN / 2)))
+        let [rows, opacities, features, background] =
+            leaves.map(|leaf| values(&leaf.grad(&gradients).expect("every argument is tracked")));
+        let [signed, absolute] = [0, SCREEN / 2].map(|first| values(&screen.clone().narrow(1, first, SCREEN / 2)));
+        ([rows, opacities, features, background, signed], absolute)
     }
 }
 
@@ -93,15 +89,10 @@ fn doubles_are_the_central_differences() {
     for place in doubles() {
         for (channels, depth) in [(3, true), (3, false), (1, false), (8, true), (32, false)] {
             let inputs = Inputs::random(50, channels, depth, 6);
-            let (_, gradients, _) = inputs.run(place, Reading::Kernels);
-            for k in 0..4 {
-                let what = format!("{} of {channels} channels on {}", NAMES[k], place.name);
-                assert_derivative(&what, &inputs.arguments[k], &gradients[k], 100, |x| {
-                    let mut moved = inputs.clone();
-                    moved.arguments[k] = x.to_vec();
-                    moved.run(place, Reading::Kernels).0
-                });
-            }
+            let arguments = std::array::from_fn(|k| (NAMES[k], inputs.arguments[k].as_slice()));
+            assert_derivatives(&format!("{channels} channels"), place, arguments, 100, |arguments| {
+                inputs.sum(arguments, None, place, Reading::Kernels)
+            });
         }
     }
 }
@@ -121,22 +112,25 @@ fn assert_columns(what: &str, actual: &[f64], expected: &[f64], bound: f64) {
     }
 }
 
+/// Asserts that every device follows the reference: in each argument's gradient, and in each column of that by the rows.
+#[track_caller]
+fn assert_follows_the_reference(case: &str, inputs: &Inputs, single: f64) {
+    let (expected, _) = inputs.gradients(reference(), Reading::Reference);
+    for (place, bound) in bounded(GRADIENT_F64, single) {
+        let (actual, _) = inputs.gradients(place, Reading::Kernels);
+        for k in 0..NAMES.len() {
+            assert_gradient(&format!("{} of {case} on {}", NAMES[k], place.name), &actual[k], &expected[k], bound);
+        }
+        assert_columns(&format!("{case} on {}", place.name), &actual[0], &expected[0], bound);
+    }
+}
+
 /// As many channels as models use in one pass: colour, with depth, and feature fields up to 32.
 #[test]
 fn every_device_follows_the_reference() {
     for (channels, depth) in [(1, false), (3, false), (3, true), (5, true), (8, false), (32, false)] {
         let inputs = Inputs::random(60, channels, depth, 7).decided(SHARE);
-        let (_, expected, _) = inputs.run(reference(), Reading::Reference);
-        for (place, bound) in
-            doubles().iter().map(|p| (p, GRADIENT_F64)).chain(singles().iter().map(|p| (p, GRADIENT_F32)))
-        {
-            let (_, actual, _) = inputs.run(place, Reading::Kernels);
-            for k in 0..NAMES.len() {
-                let what = format!("{} of {channels} channels on {}", NAMES[k], place.name);
-                assert_gradient(&what, &actual[k], &expected[k], bound);
-            }
-            assert_columns(&format!("{channels} channels on {}", place.name), &actual[0], &expected[0], bound);
-        }
+        assert_follows_the_reference(&format!("{channels} channels"), &inputs, GRADIENT_F32);
     }
 }
 
@@ -149,12 +143,11 @@ fn absolute_screen_gradient_sums_pixels() {
     for pixel in 0..(inputs.config.width * inputs.config.height) as usize {
         let mut alone = inputs.clone();
         alone.weights.iter_mut().enumerate().filter(|(i, _)| i / per_pixel != pixel).for_each(|(_, w)| *w = 0.0);
-        let (_, gradients, _) = alone.run(reference(), Reading::Kernels);
+        let (gradients, _) = alone.gradients(reference(), Reading::Kernels);
         expected.iter_mut().zip(&gradients[SIGNED_SCREEN]).for_each(|(sum, g)| *sum += g.abs());
     }
-    for (place, bound) in doubles().iter().map(|p| (p, GRADIENT_F64)).chain(singles().iter().map(|p| (p, GRADIENT_F32)))
-    {
-        let (_, gradients, absolute) = inputs.run(place, Reading::Kernels);
+    for (place, bound) in bounded(GRADIENT_F64, GRADIENT_F32) {
+        let (gradients, absolute) = inputs.gradients(place, Reading::Kernels);
         assert_gradient(&format!("absolute screen on {}", place.name), &absolute, &expected, bound);
         // The signed half is the gradient by the mean; both come from the same sum.
         let means: Vec<f64> = gradients[0].chunks(PROJECTED).flat_map(|row| ProjectedRow::read(row, 0).mean).collect();
@@ -175,16 +168,6 @@ fn opaque_stacks_follow_the_reference() {
             row.copy_from_slice(&ProjectedRow { mean, conic, depth, compensation: 1.0, radius: 30.0 }.pack());
         }
         let inputs = inputs.decided(SHARE_IN_STACKS);
-        let (_, expected, _) = inputs.run(reference(), Reading::Reference);
-        for (place, bound) in
-            doubles().iter().map(|p| (p, GRADIENT_F64)).chain(singles().iter().map(|p| (p, HARD_GRADIENT_F32)))
-        {
-            let (_, actual, _) = inputs.run(place, Reading::Kernels);
-            for k in 0..NAMES.len() {
-                let what = format!("{} of {count} x {opacity} on {}", NAMES[k], place.name);
-                assert_gradient(&what, &actual[k], &expected[k], bound);
-            }
-            assert_columns(&format!("{count} x {opacity} on {}", place.name), &actual[0], &expected[0], bound);
-        }
+        assert_follows_the_reference(&format!("{count} x {opacity}"), &inputs, HARD_GRADIENT_F32);
     }
 }

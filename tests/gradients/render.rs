@@ -4,12 +4,12 @@ use burn::tensor::Tensor;
 use gs_burn::ops::ssim::photometric_loss;
 use gs_burn::render;
 use gs_tests::cutoff::{SHARE, SHARE_IN_STACKS, without};
-use gs_tests::devices::{Place, doubles, reference, singles};
-use gs_tests::finite_differences::assert_derivative;
-use gs_tests::scenes::{GROUPS, Leaves, Random, Reading, Scene};
-use gs_tests::tolerance::{GRADIENT_F32, GRADIENT_F64, HARD_GRADIENT_F32, assert_gradient, assert_near, values};
+use gs_tests::devices::{Place, bounded, doubles, reference};
+use gs_tests::scenes::{Leaves, Random, Reading, Scene, assert_gradients};
+use gs_tests::tolerance::{GRADIENT_F32, GRADIENT_F64, HARD_GRADIENT_F32, assert_near, largest, values};
 
-const VIEWMAT: usize = 5;
+/// Every group of a scene, the background last.
+const ALL: [usize; 7] = [0, 1, 2, 3, 4, 5, 6];
 const BACKGROUND: usize = 6;
 const LAMBDA_DSSIM: f64 = 0.2;
 
@@ -40,20 +40,12 @@ fn photometric_loss_has_the_central_differences_of_every_parameter() {
             let leaves = scene.leaves(place);
             let loss = composed_loss(&scene, &leaves, place);
             assert_near(&place.name, &values(&loss), &values(&rendered_loss(&scene, &leaves, place)), 1e-15);
-            let mut gradients = leaves.gradients(&loss.backward());
+            let case = format!("antialiased {antialiased}");
+            scene.assert_derivatives(&case, place, &ALL, 100, |leaves| composed_loss(&scene, leaves, place));
             // Six of the groups, and the camera, through `render` itself; the background is no tensor there.
+            let composed = leaves.gradients(&loss.backward());
             let rendered = leaves.gradients(&rendered_loss(&scene, &leaves, place).backward());
-            gradients[..BACKGROUND].clone_from_slice(&rendered[..BACKGROUND]);
-            for k in 0..GROUPS.len() {
-                let what = format!("{} on {}, antialiased {antialiased}", GROUPS[k], place.name);
-                // The last row of a viewmat is no parameter.
-                let used = if k == VIEWMAT { 12 } else { scene.groups()[k].len() };
-                assert_derivative(&what, &scene.groups()[k][..used], &gradients[k][..used], 100, |x| {
-                    let mut moved = scene.clone();
-                    moved.groups_mut()[k][..used].copy_from_slice(x);
-                    values(&composed_loss(&moved, &moved.leaves(place), place))[0]
-                });
-            }
+            assert_gradients(&case, &ALL[..BACKGROUND], &rendered, &composed, GRADIENT_F64);
         }
     }
 }
@@ -71,11 +63,9 @@ fn weighted(scene: &Scene, place: &Place, reading: Reading, marked: &[bool]) -> 
 fn assert_follows_the_reference(case: &str, scene: &Scene, bound: f64, share: f64) {
     let undecided = scene.undecided(share);
     let expected = weighted(scene, reference(), Reading::Reference, &undecided);
-    for (place, bound) in doubles().iter().map(|p| (p, GRADIENT_F64)).chain(singles().iter().map(|p| (p, bound))) {
+    for (place, bound) in bounded(GRADIENT_F64, bound) {
         let actual = weighted(scene, place, Reading::Kernels, &undecided);
-        for k in 0..GROUPS.len() {
-            assert_gradient(&format!("{}, {case} on {}", GROUPS[k], place.name), &actual[k], &expected[k], bound);
-        }
+        assert_gradients(&format!("{case} on {}", place.name), &ALL, &actual, &expected, bound);
     }
 }
 
@@ -88,18 +78,9 @@ fn every_device_follows_the_reference() {
     }
 }
 
-/// Needles of 1:1000 at any angle, some across the frustum edge, some across the near plane.
 #[test]
 fn needles_and_edges_follow_the_reference() {
-    let mut scene = Scene::random(60, 9);
-    for (i, (mean, log_scales)) in scene.means.chunks_mut(3).zip(scene.log_scales.chunks_mut(3)).enumerate() {
-        log_scales.copy_from_slice(&[if i % 2 == 0 { 0.25 } else { 1.5 }, -7.0, -6.5]);
-        match i % 4 {
-            1 => mean[0] = f64::from((mean[2] * 0.75) as f32),
-            2 => mean[2] = f64::from((0.011 + 0.02 * i as f64) as f32),
-            _ => {}
-        }
-    }
+    let scene = Scene::needles_and_edges();
     assert_follows_the_reference("needles and edges", &scene, HARD_GRADIENT_F32, SHARE);
 }
 
@@ -114,4 +95,26 @@ fn opaque_stacks_follow_the_reference() {
         scene.opacity_logits = vec![logit; count];
         assert_follows_the_reference(&format!("{count} x {logit}"), &scene, HARD_GRADIENT_F32, SHARE_IN_STACKS);
     }
+}
+
+#[test]
+fn gradients_pass_through_computed_gaussians() {
+    let (place, scene) = (reference(), Scene::random(30, 21));
+    let shift = place.leaf(&[0.0; 3], [1, 3]);
+    let leaves = scene.leaves(place);
+    let moved = Leaves { means: leaves.means.clone() + shift.clone(), ..leaves.clone() };
+    let gradients = rendered_loss(&scene, &moved, place).backward();
+    let sum = values(&leaves.means.grad(&gradients).expect("tracked").sum_dim(0));
+    assert_near("shift", &values(&shift.grad(&gradients).expect("tracked")), &sum, 1e-12 * largest(&sum));
+}
+
+#[test]
+fn gradients_do_not_depend_on_checkpointing() {
+    let (place, scene) = (reference(), Scene::random(30, 21));
+    let checkpointed = Place { device: place.device.clone().autodiff().gradient_checkpointing(), ..place.clone() };
+    let [actual, expected] = [&checkpointed, place].map(|place| {
+        let leaves = scene.leaves(place);
+        leaves.gradients(&rendered_loss(&scene, &leaves, place).backward())
+    });
+    assert_eq!(actual, expected);
 }

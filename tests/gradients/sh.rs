@@ -3,10 +3,9 @@
 use burn::tensor::Tensor;
 use gs_burn::ops::sh::{sh_colors, sh_colors_reference};
 use gs_kernels::rows::PROJECTED;
-use gs_tests::devices::{Place, doubles, reference, singles};
-use gs_tests::finite_differences::assert_derivative;
-use gs_tests::scenes::{GROUPS, Leaves, Random, Scene};
-use gs_tests::tolerance::{GRADIENT_F32, GRADIENT_F64, assert_gradient, values};
+use gs_tests::devices::{Place, bounded, doubles, reference};
+use gs_tests::scenes::{Leaves, Random, Scene, assert_gradients};
+use gs_tests::tolerance::{GRADIENT_F32, GRADIENT_F64};
 
 const COUNT: usize = 30;
 const MEANS: usize = 0;
@@ -20,16 +19,13 @@ fn depends_on(degree: usize) -> &'static [usize] {
     if degree == 0 { &[SH] } else { &[MEANS, SH, VIEWMAT] }
 }
 
-fn sum(leaves: &Leaves, rows: &[f64], degree: usize, place: &Place, sh_colors: ShColors) -> Tensor<1> {
+/// A weighted sum of the colours of a degree by the first `stored` coefficients.
+fn sum(leaves: &Leaves, rows: &[f64], [degree, stored]: [usize; 2], place: &Place, sh_colors: ShColors) -> Tensor<1> {
     let Leaves { means, sh, viewmat, .. } = leaves.clone();
-    let colors = sh_colors(means, sh, viewmat, place.tensor(rows, [COUNT, PROJECTED]).autodiff(), degree);
+    let rows = place.tensor(rows, [COUNT, PROJECTED]).autodiff();
+    let colors = sh_colors(means, sh.narrow(1, 0, stored), viewmat, rows, degree);
     let weights = Random::new(10).values(COUNT * 3, -1.0, 1.0);
     (colors * place.tensor(&weights, [COUNT, 3]).autodiff()).sum()
-}
-
-fn gradients(scene: &Scene, rows: &[f64], degree: usize, place: &Place, sh_colors: ShColors) -> [Vec<f64>; 7] {
-    let leaves = scene.leaves(place);
-    leaves.gradients(&sum(&leaves, rows, degree, place, sh_colors).backward())
 }
 
 #[test]
@@ -38,17 +34,8 @@ fn doubles_are_the_central_differences() {
     let rows = scene.reference_rows();
     for place in doubles() {
         for degree in 0..=3 {
-            let gradients = gradients(&scene, &rows, degree, place, sh_colors);
-            for k in depends_on(degree).iter().copied() {
-                let what = format!("{} at degree {degree} on {}", GROUPS[k], place.name);
-                // The last row of a viewmat is no parameter.
-                let used = if k == VIEWMAT { 12 } else { scene.groups()[k].len() };
-                assert_derivative(&what, &scene.groups()[k][..used], &gradients[k][..used], 200, |x| {
-                    let mut moved = scene.clone();
-                    moved.groups_mut()[k][..used].copy_from_slice(x);
-                    values(&sum(&moved.leaves(place), &rows, degree, place, sh_colors))[0]
-                });
-            }
+            let sum = |leaves: &Leaves| sum(leaves, &rows, [degree, 16], place, sh_colors);
+            scene.assert_derivatives(&format!("degree {degree}"), place, depends_on(degree), 200, sum);
         }
     }
 }
@@ -57,16 +44,16 @@ fn doubles_are_the_central_differences() {
 fn every_device_follows_the_reference() {
     let scene = Scene::random(COUNT, 6);
     let rows = scene.reference_rows();
-    for degree in 0..=3 {
-        let expected = gradients(&scene, &rows, degree, reference(), sh_colors_reference);
-        for (place, bound) in
-            doubles().iter().map(|p| (p, GRADIENT_F64)).chain(singles().iter().map(|p| (p, GRADIENT_F32)))
-        {
-            let actual = gradients(&scene, &rows, degree, place, sh_colors);
-            for k in depends_on(degree).iter().copied() {
-                let what = format!("{} at degree {degree} on {}", GROUPS[k], place.name);
-                assert_gradient(&what, &actual[k], &expected[k], bound);
-            }
+    for [degree, stored] in [1, 4, 9, 16].into_iter().enumerate().flat_map(|(most, n)| (0..=most).map(move |d| [d, n]))
+    {
+        let gradients = |place: &Place, sh_colors: ShColors| {
+            let leaves = scene.leaves(place);
+            leaves.gradients(&sum(&leaves, &rows, [degree, stored], place, sh_colors).backward())
+        };
+        let expected = gradients(reference(), sh_colors_reference);
+        for (place, bound) in bounded(GRADIENT_F64, GRADIENT_F32) {
+            let what = format!("degree {degree} of {stored} coefficients on {}", place.name);
+            assert_gradients(&what, depends_on(degree), &gradients(place, sh_colors), &expected, bound);
         }
     }
 }

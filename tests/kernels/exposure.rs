@@ -1,9 +1,8 @@
 //! `gs_burn::exposure`.
 
-use burn::tensor::Tensor;
 use gs_burn::{ExposureOptions, ExposureRendering, Gaussians, MovingSample, Rendering, render, render_exposure};
 use gs_tests::devices::{Place, everywhere, singles};
-use gs_tests::exposure::Moving;
+use gs_tests::exposure::{Moving, image};
 use gs_tests::scenes::Scene;
 use gs_tests::tolerance::{assert_finite, assert_near, assert_near_scaled, bits, values};
 
@@ -12,15 +11,7 @@ use gs_tests::tolerance::{assert_finite, assert_near, assert_near_scaled, bits, 
 const MEAN: f64 = 1e-6;
 
 fn exposure(case: &Moving, place: &Place, options: &ExposureOptions) -> ExposureRendering {
-    let leaves = case.scene.leaves(place);
-    let camera = case.scene.camera(leaves.viewmat.clone());
-    render_exposure(&leaves.gaussians(), &case.moving, &case.samples(place), &camera, options, None)
-}
-
-/// Colour, alpha and depth, `[H, W, 5]`.
-fn image(rendering: &ExposureRendering) -> Tensor<3> {
-    let depth = rendering.depth.clone().expect("depth was asked for");
-    Tensor::cat(vec![rendering.color.clone(), rendering.alpha.clone(), depth], 2)
+    case.exposure(&case.scene.leaves(place), &case.samples(place), options, None)
 }
 
 fn cases() -> Vec<(&'static str, Moving)> {
@@ -154,10 +145,7 @@ fn one_two_or_seven_threads() {
             pool.install(|| {
                 let leaves = case.scene.leaves(place);
                 let samples = case.samples(place);
-                let camera = case.scene.camera(leaves.viewmat.clone());
-                let rendering =
-                    render_exposure(&leaves.gaussians(), &case.moving, &samples, &camera, &case.options(true), None);
-                let image = image(&rendering);
+                let image = image(&case.exposure(&leaves, &samples, &case.options(true), None));
                 let gradients = (image.clone() * image.clone()).sum().backward();
                 let means = samples[0].means.grad(&gradients).expect("the sample was tracked");
                 let mut all = vec![bits(&image), bits(&means)];

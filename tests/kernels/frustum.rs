@@ -4,7 +4,7 @@ use gs_burn::ops::projection::{ProjectionConfig, project};
 use gs_burn::render;
 use gs_kernels::rows::ProjectedRow;
 use gs_tests::devices::reference;
-use gs_tests::scenes::{Random, Scene};
+use gs_tests::scenes::{IDENTITY, Random, Scene};
 use gs_tests::tolerance::values;
 
 /// Long to short axis of a needle.
@@ -60,7 +60,7 @@ fn ellipse_lies_as_the_samples_do() {
                     place.tensor(&mean, [1, 3]),
                     place.tensor(&quat, [1, 4]),
                     place.tensor(&[long, short, short].map(f64::ln), [1, 3]),
-                    place.tensor(&[1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.], [4, 4]),
+                    place.tensor(&IDENTITY, [4, 4]),
                     &camera,
                 ));
                 let row = ProjectedRow::read(&row, 0);
@@ -108,7 +108,7 @@ fn ellipse_lies_as_the_samples_do() {
 fn frame(mean: [f64; 3], log_scales: [f64; 3], quat: [f64; 4]) -> Vec<f64> {
     let mut scene = Scene::random(1, 1);
     scene.config = camera();
-    scene.viewmat = (0..16).map(|i| if i % 5 == 0 { 1.0 } else { 0.0 }).collect();
+    scene.viewmat = IDENTITY.to_vec();
     scene.background = vec![0.0; 3];
     (scene.means, scene.log_scales, scene.quats) = (mean.to_vec(), log_scales.to_vec(), quat.to_vec());
     scene.opacity_logits = vec![2.0];

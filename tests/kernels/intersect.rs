@@ -2,12 +2,16 @@
 
 use std::collections::BTreeSet;
 
+use burn::tensor::Tensor;
 use gs_burn::ops::intersect::{TileIntersections, intersect, intersect_reference};
 use gs_kernels::config::tile_grid;
+use gs_kernels::constants::INVALID_FEATURE;
 use gs_kernels::rows::{PROJECTED, ProjectedRow};
 use gs_tests::devices::{Place, everywhere, reference};
 use gs_tests::scenes::Scene;
 use gs_tests::tolerance::indices;
+
+type Intersect = fn(Tensor<2>, Tensor<1>, Tensor<2>, usize, usize) -> TileIntersections;
 
 /// [`TileIntersections`] on the host.
 #[derive(Debug, PartialEq)]
@@ -129,7 +133,9 @@ fn every_size_lists_what_the_reference_lists() {
                 width,
                 height,
             );
-            let wanted = Lists::read(&lists).pairs();
+            let lists = Lists::read(&lists);
+            lists.assert_consistent("the reference", &rows, [width, height]);
+            let wanted = lists.pairs();
             for place in everywhere() {
                 let case = format!("{count} in {width}x{height} on {}", place.name);
                 let lists = Lists::of(place, &rows, &opacities, [width, height]);
@@ -156,6 +162,24 @@ fn many_gaussians_are_sorted() {
             assert!(lists.gaussian_ids.len() > count, "{} pairs", lists.gaussian_ids.len());
             lists.assert_consistent(&format!("{count} on {}", place.name), &rows, [208, 112]);
         }
+    }
+}
+
+#[test]
+fn unusable_gaussians_are_left_out() {
+    let scene = Scene::random(60, 12).resized(90, 70);
+    let rows = rounded_rows(&scene);
+    let (mut opacities, mut features) = (vec![0.5; 60], vec![0.5; 180]);
+    (opacities[0], opacities[1]) = (0.001, f64::NAN);
+    (features[3 * 2], features[3 * 3 + 1]) = (f64::INFINITY, INVALID_FEATURE);
+    for (place, intersect) in everywhere()
+        .map(|place| (place, intersect as Intersect))
+        .chain([(reference(), intersect_reference as Intersect)])
+    {
+        let features = place.tensor(&features, [60, 3]);
+        let lists = intersect(place.tensor(&rows, [60, PROJECTED]), place.tensor(&opacities, [60]), features, 90, 70);
+        let ids = indices(&lists.gaussian_ids);
+        assert!(!ids.is_empty() && ids.iter().all(|id| *id > 3), "{ids:?} on {}", place.name);
     }
 }
 

@@ -1,9 +1,10 @@
 //! `gs_burn::ops::noise`.
 
-use gs_burn::ops::noise::{NoiseConfig, perturb};
-use gs_tests::devices::{everywhere, reference};
+use gs_burn::Gaussians;
+use gs_burn::ops::noise::{NoiseConfig, perturb, perturb_reference};
+use gs_tests::devices::{Place, everywhere, reference};
 use gs_tests::scenes::Random;
-use gs_tests::tolerance::{FORWARD_F32, FORWARD_F64, assert_near, values};
+use gs_tests::tolerance::{FORWARD_F32, assert_near, values};
 
 const COUNT: usize = 700;
 
@@ -18,15 +19,19 @@ fn inputs() -> [Vec<f64>; 4] {
     ]
 }
 
-fn moved(inputs: &[Vec<f64>; 4], place: &gs_tests::devices::Place, config: &NoiseConfig) -> Vec<f64> {
-    let [means, quats, log_scales, logits] = inputs;
-    values(&perturb(
+fn gaussians([means, quats, log_scales, logits]: &[Vec<f64>; 4], place: &Place) -> Gaussians {
+    Gaussians::from_tensors(
         place.tensor(means, [COUNT, 3]),
         place.tensor(quats, [COUNT, 4]),
         place.tensor(log_scales, [COUNT, 3]),
         place.tensor(logits, [COUNT]),
-        config,
-    ))
+        place.tensor(&[0.0; 3 * COUNT], [COUNT, 1, 3]),
+    )
+}
+
+fn moved(inputs: &[Vec<f64>; 4], place: &Place, config: &NoiseConfig) -> Vec<f64> {
+    let Gaussians { means, quats, log_scales, opacity_logits, .. } = gaussians(inputs, place);
+    values(&perturb(means.val(), quats.val(), log_scales.val(), opacity_logits.val(), config))
 }
 
 /// Words are equal to the bit everywhere; the normal numbers made of them, of order 1, follow the `ln`, `sin` and `cos`
@@ -36,12 +41,18 @@ const NORMALS_F32: f64 = 1e-3;
 #[test]
 fn every_device_draws_the_same() {
     let (inputs, config) = (inputs(), NoiseConfig::new(1.0, 99, 1234));
-    let expected = moved(&inputs, reference(), &config);
+    let expected = values(&perturb_reference(&gaussians(&inputs, reference()), &config));
     assert!(expected.iter().zip(&inputs[0]).filter(|(a, b)| a != b).count() > COUNT, "a third or more is moved");
     assert!(expected.iter().zip(&inputs[0]).any(|(a, b)| a == b), "closed gates move nothing");
     for place in everywhere() {
-        let bound = if place.is_double() { FORWARD_F64 } else { NORMALS_F32.max(FORWARD_F32) };
-        assert_near(&place.name, &moved(&inputs, place, &config), &expected, bound);
+        // The same operations in another order: a few times 1e-16 of numbers of order 1.
+        let bound = if place.is_double() { 1e-12 } else { NORMALS_F32.max(FORWARD_F32) };
+        let drawn = moved(&inputs, place, &config);
+        assert_near(&place.name, &drawn, &expected, bound);
+        assert_eq!(moved(&inputs, place, &config), drawn, "again on {}", place.name);
+        let other = moved(&inputs, place, &NoiseConfig { step: config.step + 1, ..config });
+        let change = other.iter().zip(&drawn).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+        assert!(change > 1e-3, "another step, other noise on {}", place.name);
     }
 }
 

@@ -33,6 +33,9 @@ fn gradients_of_a_layer_are_sums_over_rows() {
             let of_weight = |i: usize, j: usize| (0..rows).map(|r| input[r * 3 + i] * pull[r * 2 + j]).sum::<f64>();
             let expected: Vec<f64> = (0..6).map(|k| of_weight(k / 2, k % 2)).collect();
             assert_eq!(values(&w.grad(&gradients).expect("tracked")), expected, "{rows} rows on {}", place.name);
+            let of_input = |k: usize| (0..2).map(|j| pull[k / 3 * 2 + j] * weight[k % 3 * 2 + j]).sum::<f64>();
+            let expected: Vec<f64> = (0..rows * 3).map(of_input).collect();
+            assert_eq!(values(&x.grad(&gradients).expect("tracked")), expected, "{rows} rows on {}", place.name);
             let expected: Vec<f64> = (0..2).map(|j| pull.iter().skip(j).step_by(2).sum()).collect();
             assert_eq!(values(&b.grad(&gradients).expect("tracked")), expected, "{rows} rows on {}", place.name);
             let transposed = transposed_product(place.tensor(&input, [rows, 3]), place.tensor(&pull, [rows, 2]));
@@ -47,7 +50,10 @@ fn gradients_of_factors_are_sums_over_rows() {
         for rows in [1, 300, 140_000] {
             let (factors, table, pull) = (whole(3, 5), whole(rows * 2, 6), whole(rows * 6, 7));
             let (f, t) = (place.leaf(&factors, [3]), place.leaf(&table, [rows, 2]));
-            let gradients = (scaled(f.clone(), t.clone()) * place.tensor(&pull, [3, rows, 2])).sum().backward();
+            let output = scaled(f.clone(), t.clone());
+            let expected: Vec<f64> = factors.iter().flat_map(|f| table.iter().map(move |x| f * x)).collect();
+            assert_eq!(values(&output), expected, "{rows} rows on {}", place.name);
+            let gradients = (output * place.tensor(&pull, [3, rows, 2])).sum().backward();
             let line = |s: usize| pull[s * rows * 2..(s + 1) * rows * 2].iter().zip(&table).map(|(v, x)| v * x).sum();
             let expected: Vec<f64> = (0..3).map(line).collect();
             assert_eq!(values(&f.grad(&gradients).expect("tracked")), expected, "{rows} rows on {}", place.name);

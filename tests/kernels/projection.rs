@@ -5,10 +5,8 @@ use gs_burn::ops::projection::{ProjectionConfig, project, project_reference};
 use gs_kernels::constants::CUTOFF_SIGMAS;
 use gs_kernels::rows::{PROJECTED, ProjectedRow};
 use gs_tests::devices::{Place, everywhere, reference};
-use gs_tests::scenes::{Leaves, Scene};
+use gs_tests::scenes::{IDENTITY, Leaves, Scene};
 use gs_tests::tolerance::{FORWARD_F32, FORWARD_F64, assert_near, assert_near_scaled, column, largest, values};
-
-const IDENTITY: [f64; 16] = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
 
 /// 64 x 48 pixels, focal lengths 100 and 120, centred.
 fn camera() -> ProjectionConfig {
@@ -144,6 +142,14 @@ fn every_device_follows_the_reference() {
             }
         }
     }
+}
+
+#[test]
+#[should_panic(expected = "axis 1 expected 4, got 3")]
+fn a_wrong_shape_is_named() {
+    let scene = Scene::random(2, 4);
+    let Leaves { means, log_scales, viewmat, .. } = scene.leaves(reference());
+    project(means, log_scales.clone(), log_scales, viewmat, &scene.config);
 }
 
 #[test]

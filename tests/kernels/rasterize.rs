@@ -61,12 +61,8 @@ impl Inputs {
     fn assert_follows_the_reference(&self, case: &str, share: f64) {
         let expected = self.reference();
         for place in doubles() {
-            assert_near_scaled(
-                &format!("{case} on {}", place.name),
-                &values(&self.image(place)),
-                &expected,
-                FORWARD_F64,
-            );
+            let what = format!("{case} on {}", place.name);
+            assert_near_scaled(&what, &values(&self.image(place)), &expected, FORWARD_F64);
         }
         let undecided = undecided_pixels(&self.rows, &self.opacities, self.size(), share);
         let expected = without(&expected, &undecided);

@@ -5,10 +5,8 @@ use gs_burn::ops::sh::{sh_colors, sh_colors_reference};
 use gs_kernels::constants::INVALID_FEATURE;
 use gs_kernels::rows::{PROJECTED, ProjectedRow};
 use gs_tests::devices::{Place, doubles, everywhere, reference, singles};
-use gs_tests::scenes::{Leaves, Random, Scene};
+use gs_tests::scenes::{IDENTITY, Leaves, Random, Scene};
 use gs_tests::tolerance::{FORWARD_F32, FORWARD_F64, assert_near, assert_near_scaled, values};
-
-const IDENTITY: [f64; 16] = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
 
 /// Rows in which Gaussian `i` is visible when `radii[i]` is not 0.
 fn rows_with(radii: &[f64]) -> Vec<f64> {

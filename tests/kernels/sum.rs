@@ -1,10 +1,11 @@
 //! `gs_burn::ops::sum`.
 
 use burn::tensor::Tensor;
-use gs_burn::ops::sum::{largest, mark_not_finite, mean, sum};
-use gs_tests::devices::everywhere;
+use gs_burn::ops::opacity::opacities_reference;
+use gs_burn::ops::sum::{Activation, activated_sum, largest, mark_not_finite, mean, sum};
+use gs_tests::devices::{doubles, everywhere};
 use gs_tests::scenes::Random;
-use gs_tests::tolerance::{bits, values};
+use gs_tests::tolerance::{assert_same_gradients, bits, gradient_of, values};
 
 /// Lengths around a unit's, a cube's and a grid's work.
 const LENGTHS: [usize; 8] = [1, 255, 256, 1024, 1025, 70_000, 262_145, 1_500_000];
@@ -18,6 +19,21 @@ fn sums_of_small_whole_numbers_are_exact() {
             let total: f64 = numbers.iter().sum();
             assert_eq!(values(&sum(place.tensor(&numbers, [length]))), [total], "{length} on {}", place.name);
         }
+    }
+}
+
+#[test]
+fn sums_and_means_are_burns_with_their_gradients() {
+    for place in doubles() {
+        let leaf = Random::new(4).leaf(place, [5, 7, 3], -1.0, 1.0);
+        let squares = || leaf.clone().square();
+        let same = |actual, expected| assert_same_gradients(actual, expected, &[("leaf", gradient_of(&leaf))]);
+        same(sum(squares()), squares().sum());
+        // The backward of Burn's `mean` divides in f32.
+        same(mean(squares()), squares().sum() * (1.0 / 105.0));
+        same(activated_sum(leaf.clone(), Activation::Exp, 0.25), leaf.clone().exp().sum() * 0.25);
+        let sigmoid = opacities_reference(leaf.clone().flatten(0, 2));
+        same(activated_sum(leaf.clone(), Activation::Sigmoid, 3.0), sigmoid.sum() * 3.0);
     }
 }
 
@@ -60,6 +76,8 @@ fn one_number_that_is_not_finite_is_found_wherever_it_is() {
                     numbers[broken] = bad;
                     let mark = mark_not_finite(Some(mark), place.tensor(&numbers, [length]));
                     assert!(values(&mark)[0].is_nan(), "{broken} of {length} on {}", place.name);
+                    let mark = mark_not_finite(Some(mark), place.tensor(&[1.0, 2.0], [2]));
+                    assert!(values(&mark)[0].is_nan(), "the mark stays on {}", place.name);
                 }
             }
         }

@@ -73,6 +73,11 @@ pub fn everywhere() -> impl Iterator<Item = &'static Place> {
     doubles().iter().chain(singles())
 }
 
+/// Every device in every float type, each with the bound for that type.
+pub fn bounded(double: f64, single: f64) -> impl Iterator<Item = (&'static Place, f64)> {
+    everywhere().map(move |place| (place, if place.is_double() { double } else { single }))
+}
+
 /// Where reference bodies run.
 pub fn reference() -> &'static Place {
     &doubles()[0]

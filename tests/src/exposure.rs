@@ -1,7 +1,9 @@
 //! Scenes of which a part moves, and the slow reading of an exposure: one rendering an instant.
 
 use burn::tensor::{DType, IndexingUpdateOp, Int, Tensor};
-use gs_burn::{ExposureOptions, Extras, Gaussians, MovingSample, RenderOptions, render_with};
+use gs_burn::{
+    ExposureOptions, ExposureRendering, Extras, Gaussians, MovingSample, RenderOptions, render_exposure, render_with,
+};
 
 use crate::devices::Place;
 use crate::scenes::{Leaves, Random, Scene};
@@ -55,6 +57,18 @@ impl Moving {
         ExposureOptions { render: self.scene.options(true), linear, room: None }
     }
 
+    /// The exposure itself.
+    pub fn exposure(
+        &self,
+        leaves: &Leaves,
+        samples: &[MovingSample],
+        options: &ExposureOptions,
+        screen: Option<Tensor<2>>,
+    ) -> ExposureRendering {
+        let camera = self.scene.camera(leaves.viewmat.clone());
+        render_exposure(&leaves.gaussians(), &self.moving, samples, &camera, options, screen)
+    }
+
     /// The scene at one instant.
     pub fn at(&self, leaves: &Leaves, sample: &MovingSample) -> Gaussians {
         let Leaves { means, quats, log_scales, opacity_logits, sh, .. } = leaves.clone();
@@ -101,6 +115,12 @@ impl Moving {
         let color = if linear { to_encoded(mean(&|image| to_linear(color(image)))) } else { mean(&color) };
         Tensor::cat(vec![color, mean(&|image| image.clone().narrow(2, 3, 2))], 2)
     }
+}
+
+/// Colour, alpha and depth of an exposure, `[H, W, 5]`.
+pub fn image(rendering: &ExposureRendering) -> Tensor<3> {
+    let depth = rendering.depth.clone().expect("depth was asked for");
+    Tensor::cat(vec![rendering.color.clone(), rendering.alpha.clone(), depth], 2)
 }
 
 /// `factor x` in the precision of `x`: Burn rounds a number beside a tensor to `f32` on the way back.

@@ -1,6 +1,9 @@
 //! Central differences, the judge of every gradient.
 
-use crate::tolerance::{GRADIENT_DIFFERENCES, largest};
+use burn::tensor::Tensor;
+
+use crate::devices::Place;
+use crate::tolerance::{GRADIENT_DIFFERENCES, largest, values};
 
 /// Steps tried in turn until one agrees. The best differs by element: curvature wants a small one, rounding a large
 /// one, and an image jumps where a pixel crosses the alpha cut-off within the step. A wrong gradient agrees with none.
@@ -16,6 +19,7 @@ pub fn assert_derivative(what: &str, at: &[f64], gradient: &[f64], samples: usiz
     let mut x = at.to_vec();
     // A stride with no factor 2 or 3 visits every column of a row-major array of 3, 4, 8 or 48 columns.
     let stride = (at.len() / samples..).find(|s| s % 2 != 0 && s % 3 != 0).expect("there are many primes");
+    let (mut entries, mut further) = (0, 0);
     for i in (0..at.len()).step_by(stride) {
         let mut tried = Vec::new();
         let agreed = STEPS.iter().any(|h| {
@@ -29,5 +33,32 @@ pub fn assert_derivative(what: &str, at: &[f64], gradient: &[f64], samples: usiz
             (gradient[i] - difference).abs() <= GRADIENT_DIFFERENCES * scale
         });
         assert!(agreed, "{what}[{i}]: {}, largest {scale}; differences by step: {tried:?}", gradient[i]);
+        entries += 1;
+        further += usize::from(tried.len() > 1);
+    }
+    println!("FURTHER {further} of {entries} {what}");
+}
+
+/// [`assert_derivative`] for a function of named arguments, by each of them. `f` receives flat leaves of `place`, which it
+/// gives their shapes.
+#[track_caller]
+pub fn assert_derivatives<const N: usize>(
+    what: &str,
+    place: &Place,
+    arguments: [(&str, &[f64]); N],
+    samples: usize,
+    f: impl Fn([Tensor<1>; N]) -> Tensor<1>,
+) {
+    let leaves = |numbers: [&[f64]; N]| numbers.map(|numbers| place.leaf(numbers, [numbers.len()]));
+    let at = arguments.map(|(_, numbers)| numbers);
+    let tracked = leaves(at);
+    let gradients = f(tracked.clone()).backward();
+    for (k, (name, numbers)) in arguments.into_iter().enumerate() {
+        let gradient = values(&tracked[k].grad(&gradients).expect("the function depends on every argument"));
+        assert_derivative(&format!("{name}, {what} on {}", place.name), numbers, &gradient, samples, |x| {
+            let mut moved = at;
+            moved[k] = x;
+            values(&f(leaves(moved)))[0]
+        });
     }
 }

@@ -11,7 +11,8 @@ use gs_kernels::rows::{PROJECTED, ProjectedRow};
 
 use crate::cutoff::undecided_pixels;
 use crate::devices::{Place, reference};
-use crate::tolerance::values;
+use crate::finite_differences::assert_derivative;
+use crate::tolerance::{assert_gradient, values};
 
 #[path = "../../gs-kernels/tests/scenes/mod.rs"]
 pub(crate) mod generator;
@@ -21,6 +22,9 @@ pub const GROUPS: [&str; 7] = ["means", "quats", "log_scales", "opacity_logits",
 
 /// Numbers per Gaussian of the first five [`GROUPS`], for degree 3.
 pub const COLUMNS: [usize; 5] = [3, 4, 3, 1, 48];
+
+/// The pose of a camera at the origin that looks along z, row-major.
+pub const IDENTITY: [f64; 16] = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
 
 /// Uniform numbers from a seed, the same on every machine.
 pub struct Random(generator::Random);
@@ -39,6 +43,11 @@ impl Random {
     /// `count` numbers in `low..high` that `f32` holds exactly, so that both precisions get the same input.
     pub fn values(&mut self, count: usize, low: f64, high: f64) -> Vec<f64> {
         (0..count).map(|_| single(self.uniform(low, high))).collect()
+    }
+
+    /// Such numbers as a tensor of `place` that requires a gradient.
+    pub fn leaf<const D: usize>(&mut self, place: &Place, shape: [usize; D], low: f64, high: f64) -> Tensor<D> {
+        place.leaf(&self.values(shape.iter().product(), low, high), shape)
     }
 }
 
@@ -93,6 +102,20 @@ impl Scene {
         self.config.cy = 0.52 * f64::from(height);
         (self.config.width, self.config.height) = (width, height);
         self
+    }
+
+    /// Needles of 1:1000 at any angle, some across the frustum edge, some across the near plane.
+    pub fn needles_and_edges() -> Self {
+        let mut scene = Self::random(60, 9);
+        for (i, (mean, log_scales)) in scene.means.chunks_mut(3).zip(scene.log_scales.chunks_mut(3)).enumerate() {
+            log_scales.copy_from_slice(&[if i % 2 == 0 { 0.25 } else { 1.5 }, -7.0, -6.5]);
+            match i % 4 {
+                1 => mean[0] = single(mean[2] * 0.75),
+                2 => mean[2] = single(0.011 + 0.02 * i as f64),
+                _ => {}
+            }
+        }
+        scene
     }
 
     /// Number of Gaussians.
@@ -162,6 +185,28 @@ impl Scene {
     /// Opacities `[N]`.
     pub fn opacities(&self) -> Vec<f64> {
         self.opacity_logits.iter().map(|x| 1.0 / (1.0 + (-x).exp())).collect()
+    }
+
+    /// Asserts that the gradient of `f` by each of the groups `by` is its derivative, see [`assert_derivative`].
+    #[track_caller]
+    pub fn assert_derivatives(
+        &self,
+        what: &str,
+        place: &Place,
+        by: &[usize],
+        samples: usize,
+        f: impl Fn(&Leaves) -> Tensor<1>,
+    ) {
+        let leaves = self.leaves(place);
+        let gradients = leaves.gradients(&f(&leaves).backward());
+        for &k in by {
+            let what = format!("{}, {what} on {}", GROUPS[k], place.name);
+            assert_derivative(&what, self.groups()[k], &gradients[k], samples, |x| {
+                let mut moved = self.clone();
+                moved.groups_mut()[k].copy_from_slice(x);
+                values(&f(&moved.leaves(place)))[0]
+            });
+        }
     }
 
     /// Pixels at a cut-off, at most a `share` of all, see [`crate::cutoff`].
@@ -236,7 +281,9 @@ impl Leaves {
     /// Gradients on the host in the order of [`GROUPS`]; zeros for a group that `gradients` does not hold.
     pub fn gradients(&self, gradients: &Gradients) -> [Vec<f64>; 7] {
         fn take<const D: usize>(leaf: &Tensor<D>, gradients: &Gradients) -> Vec<f64> {
-            leaf.grad(gradients).map_or_else(|| vec![0.0; leaf.dims().iter().product()], |gradient| values(&gradient))
+            let Some(gradient) = leaf.grad(gradients) else { return vec![0.0; leaf.dims().iter().product()] };
+            assert_eq!(gradient.dims(), leaf.dims(), "shape of a gradient");
+            values(&gradient)
         }
         [
             take(&self.means, gradients),
@@ -247,6 +294,14 @@ impl Leaves {
             take(&self.viewmat, gradients),
             take(&self.background, gradients),
         ]
+    }
+}
+
+/// Asserts that the gradients by the groups `by` are the expected ones, see [`assert_gradient`].
+#[track_caller]
+pub fn assert_gradients(what: &str, by: &[usize], actual: &[Vec<f64>; 7], expected: &[Vec<f64>; 7], bound: f64) {
+    for &k in by {
+        assert_gradient(&format!("{}, {what}", GROUPS[k]), &actual[k], &expected[k], bound);
     }
 }
 

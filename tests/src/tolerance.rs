@@ -1,6 +1,8 @@
 //! How near is near: every bound of the tests, with its argument, and the comparisons that use them.
 
-use burn::tensor::{Int, Tensor};
+use burn::tensor::{Gradients, Int, Tensor};
+
+use crate::scenes::Random;
 
 /// Kernels in `f64` against the reference in `f64`, relative to the largest value. Both do the same few hundred
 /// operations in another order, each off by 1e-16; sums over a pixel's Gaussians and cancellation in the conic take
@@ -136,4 +138,30 @@ pub fn assert_gradient(what: &str, actual: &[f64], expected: &[f64], bound: f64)
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a / scale * b / scale).sum::<f64>();
     let cosine = dot(actual, expected) / (dot(actual, actual) * dot(expected, expected)).sqrt();
     assert!(cosine >= GRADIENT_COSINE, "{what}: cosine {cosine} with the expected gradient");
+}
+
+/// Finds the gradient of one leaf, flat.
+pub type GradientOf = Box<dyn Fn(&Gradients) -> Option<Vec<f64>>>;
+
+/// The gradient of a leaf, for [`assert_same_gradients`].
+pub fn gradient_of<const D: usize>(leaf: &Tensor<D>) -> GradientOf {
+    let leaf = leaf.clone();
+    Box::new(move |gradients| leaf.grad(gradients).map(|gradient| values(&gradient)))
+}
+
+/// Asserts that two functions in `f64` of tensors that share leaves agree in value and in every leaf's gradient, for a
+/// random gradient of the result.
+#[track_caller]
+pub fn assert_same_gradients<const D: usize>(actual: Tensor<D>, expected: Tensor<D>, leaves: &[(&str, GradientOf)]) {
+    assert_eq!(actual.dims(), expected.dims(), "shape");
+    let wanted = values(&expected);
+    assert_near("value", &values(&actual), &wanted, FORWARD_F64 * largest(&wanted));
+    let v = Random::new(99).values(wanted.len(), -1.0, 1.0);
+    let v = Tensor::<1>::from_data(v.as_slice(), (&actual.device(), actual.dtype())).reshape(actual.dims());
+    let (actual, expected) = ((actual * v.clone()).sum().backward(), (expected * v).sum().backward());
+    for (name, gradient) in leaves {
+        let [actual, expected] =
+            [&actual, &expected].map(|all| gradient(all).expect("both results depend on the leaf"));
+        assert_gradient(name, &actual, &expected, GRADIENT_F64);
+    }
 }

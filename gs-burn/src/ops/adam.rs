@@ -57,36 +57,3 @@ impl Computation<4> for AdamStep {
         Tensors::of_floats([param, m, v])
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{Random, assert_close};
-
-    #[test]
-    fn update_is_the_formula() {
-        let mut random = Random(11);
-        let [start, grad] = [(); 2].map(|()| random.tensor([7, 3], -1.0, 1.0).inner());
-        let config = |step| AdamConfig { lr: 0.1, beta1: 0.9, beta2: 0.99, eps: 1e-8, step, first_columns: None };
-        let (mut param, mut m, mut v) = (start.clone(), grad.zeros_like(), grad.zeros_like());
-        for step in 1..=3 {
-            (param, m, v) = adam_step(param, grad.clone(), m, v, &config(step));
-        }
-        // With a constant gradient the corrected moments equal the gradient and its square from the first step on.
-        let direction = grad.clone() / (grad.clone().abs() + 1e-8);
-        assert_close("param", &param, &(start - direction * 0.3), 1e-12);
-        assert_close("m", &m, &(grad.clone() * (1.0 - 0.9_f64.powi(3))), 1e-12);
-        assert_close("v", &v, &(grad.square() * (1.0 - 0.99_f64.powi(3))), 1e-12);
-    }
-
-    #[test]
-    fn shared_tensors_keep_their_values() {
-        let param = Random(12).tensor([4], -1.0, 1.0);
-        let before = crate::testing::values(&param);
-        let grad = param.ones_like();
-        let config = AdamConfig { lr: 0.1, beta1: 0.9, beta2: 0.99, eps: 1e-8, step: 1, first_columns: None };
-        let (after, ..) = adam_step(param.clone(), grad.clone(), grad.zeros_like(), grad.zeros_like(), &config);
-        assert_eq!(crate::testing::values(&param), before);
-        assert_ne!(crate::testing::values(&after), before);
-    }
-}

@@ -5,8 +5,6 @@
 //! in a fixed order, so results are equal to the bit from run to run.
 
 mod reference;
-#[cfg(test)]
-mod tests;
 
 use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};

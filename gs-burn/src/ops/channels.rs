@@ -78,19 +78,3 @@ fn copy<F: Copy + Send + Sync>(
         }
     });
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{Random, assert_same_gradients, gradient_of};
-
-    #[test]
-    fn channels_are_those_narrowed_to() {
-        for (first, count) in [(0, 3), (4, 1), (1, 4), (0, 5)] {
-            let image = Random(13).tensor([7, 6, 5], -1.0, 1.0).require_grad();
-            let expected = image.clone().narrow(2, first, count);
-            let actual = channels(image.clone(), first, count);
-            assert_same_gradients(actual, expected, &[("image", &gradient_of(&image))]);
-        }
-    }
-}

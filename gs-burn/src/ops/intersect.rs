@@ -3,8 +3,6 @@
 
 mod count;
 mod reference;
-#[cfg(test)]
-mod tests;
 
 use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};

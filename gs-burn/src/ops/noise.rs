@@ -80,35 +80,3 @@ impl Computation<4> for Noise {
         Tensors::of_floats([means])
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{Scene, assert_close};
-
-    #[test]
-    fn noise_is_the_definition_and_is_repeated() {
-        let scene = Scene::random(60, 0, 5);
-        let gaussians = scene.gaussians();
-        // Opacities around the gate's: some open, some closed.
-        let logits = crate::testing::Random(8).tensor([60], -8.0, 0.0);
-        let gaussians = Gaussians::from_tensors(
-            gaussians.means.val().inner(),
-            gaussians.quats.val().inner(),
-            gaussians.log_scales.val().inner(),
-            logits.inner(),
-            gaussians.sh.val().inner(),
-        );
-        let config = NoiseConfig::new(3.0, 11, 7);
-        let moved = |config: &NoiseConfig| {
-            let (means, quats) = (gaussians.means.val(), gaussians.quats.val());
-            perturb(means, quats, gaussians.log_scales.val(), gaussians.opacity_logits.val(), config)
-        };
-        let expected = perturb_reference(&gaussians, &config);
-        assert_close("means", &moved(&config), &expected, 1e-12);
-        assert_close("again", &moved(&config), &moved(&config), 0.0);
-        let change = |a: Tensor<2>, b: Tensor<2>| (a - b).abs().max().into_scalar::<f64>();
-        assert!(change(moved(&config), gaussians.means.val()) > 1e-3, "some were moved");
-        assert!(change(moved(&config), moved(&NoiseConfig { step: 8, ..config })) > 1e-3, "another step, other noise");
-    }
-}

@@ -46,16 +46,3 @@ impl Operation<1> for Opacities {
         })
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{Random, assert_same_gradients, gradient_of};
-
-    #[test]
-    fn both_ways_are_the_definition() {
-        let logits = Random(3).tensor([40], -9.0, 9.0).require_grad();
-        let [actual, expected] = [opacities(logits.clone()), opacities_reference(logits.clone())];
-        assert_same_gradients(actual, expected, &[("logits", &gradient_of(&logits))]);
-    }
-}

@@ -170,35 +170,3 @@ impl Computation<2> for TransposedProduct {
         Tensors::of_floats([B::transposed(a, b)])
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{GradientOf, Random, assert_close, assert_same_gradients, gradient_of};
-
-    #[test]
-    fn a_layer_is_burns_with_its_gradients() {
-        let rows = Random(1).tensor([70, 5], -1.0, 1.0).require_grad();
-        let weight = Random(2).tensor([5, 4], -1.0, 1.0).require_grad();
-        let bias = Random(3).tensor([4], -1.0, 1.0).require_grad();
-        let expected = rows.clone().matmul(weight.clone()) + bias.clone().unsqueeze::<2>();
-        let leaves: [(&str, &GradientOf); 3] =
-            [("rows", &gradient_of(&rows)), ("weight", &gradient_of(&weight)), ("bias", &gradient_of(&bias))];
-        assert_same_gradients(affine(rows.clone(), weight.clone(), bias.clone()), expected, &leaves);
-    }
-
-    #[test]
-    fn multiples_are_burns_with_their_gradients() {
-        let factors = Random(4).tensor([3], -1.0, 1.0).require_grad();
-        let rows = Random(5).tensor([40, 2], -1.0, 1.0).require_grad();
-        let expected = factors.clone().reshape([3, 1, 1]) * rows.clone().reshape([1, 40, 2]);
-        let leaves: [(&str, &GradientOf); 2] = [("factors", &gradient_of(&factors)), ("rows", &gradient_of(&rows))];
-        assert_same_gradients(scaled(factors.clone(), rows.clone()), expected, &leaves);
-    }
-
-    #[test]
-    fn a_transposed_product_is_burns() {
-        let (a, b) = (Random(6).tensor([90, 3], -1.0, 1.0), Random(7).tensor([90, 4], -1.0, 1.0));
-        assert_close("product", &transposed_product(a.clone(), b.clone()), &a.transpose().matmul(b).inner(), 1e-12);
-    }
-}

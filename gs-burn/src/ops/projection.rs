@@ -1,8 +1,6 @@
 //! 3D Gaussians to 2D ellipses in the image (EWA splatting); the formulas are in [`gs_kernels::cpu::projection`].
 
 mod reference;
-#[cfg(test)]
-mod tests;
 
 use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};

@@ -1,8 +1,6 @@
 //! Front-to-back blending of projected Gaussians; the pixel's formula is in [`gs_kernels::cpu::blend`].
 
 mod reference;
-#[cfg(test)]
-mod tests;
 
 use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};

@@ -115,32 +115,3 @@ fn taken<B: HostBackend>(table: &FloatTensor<B>, rows: &IntTensor<B>) -> FloatTe
     let (columns, shape) = (columns(&table.shape()), with_rows(table.shape(), rows.shape()[0]));
     with_float!(*table, F => float_tensor::<B>(cpu::take::<F>(table.elements(), columns, rows.elements()), shape))
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::ops::index_tensor;
-    use crate::testing::{Random, assert_same_gradients, device, gradient_of, tensor};
-    use burn::tensor::IndexingUpdateOp;
-
-    #[test]
-    fn both_are_burns_with_their_gradients() {
-        let rows = index_tensor(vec![1, 2, 5, 8], &device());
-        let table = Random(1).tensor([9, 3, 2], -1.0, 1.0).require_grad();
-        let of_table = gradient_of(&table);
-        let expected = table.clone().select(0, rows.clone());
-        assert_same_gradients(take_rows(table.clone(), &rows), expected, &[("table", &of_table)]);
-        let more = Random(2).tensor([4, 3, 2], -1.0, 1.0).require_grad();
-        let expected = table.clone().select_assign(0, rows.clone(), more.clone(), IndexingUpdateOp::Add);
-        let leaves: [(&str, &crate::testing::GradientOf); 2] = [("table", &of_table), ("more", &gradient_of(&more))];
-        assert_same_gradients(add_rows(table.clone(), &rows, more.clone()), expected, &leaves);
-    }
-
-    #[test]
-    fn no_rows_are_a_shape() {
-        let (none, table) = (index_tensor(Vec::new(), &device()), tensor(vec![1.0; 6], [2, 3]));
-        assert_eq!(take_rows(table.clone(), &none).dims(), [0, 3]);
-        let same = add_rows(table.clone(), &none, tensor(Vec::new(), [0, 3]));
-        assert_eq!(crate::testing::values(&same), [1.0; 6]);
-    }
-}

@@ -5,8 +5,6 @@
 //! the forward of the other, with one write a row, so results are equal to the bit from run to run.
 
 mod lists;
-#[cfg(test)]
-mod tests;
 
 use std::sync::Arc;
 

@@ -1,8 +1,6 @@
 //! View-dependent colour from real spherical harmonics; basis and signs are in [`gs_kernels::cpu::sh`].
 
 mod reference;
-#[cfg(test)]
-mod tests;
 
 use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};

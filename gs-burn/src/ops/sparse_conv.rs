@@ -7,8 +7,6 @@
 
 mod map;
 mod reference;
-#[cfg(test)]
-mod tests;
 
 use std::sync::Arc;
 

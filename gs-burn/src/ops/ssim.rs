@@ -1,8 +1,6 @@
 //! The photometric loss: mean absolute error and structural similarity in one pass; see [`gs_kernels::cpu::ssim`].
 
 mod reference;
-#[cfg(test)]
-mod tests;
 
 use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};

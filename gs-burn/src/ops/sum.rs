@@ -128,39 +128,3 @@ impl Computation<1> for Largest {
         Tensors::of_floats([B::float_max(tensor)])
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{Random, assert_same_gradients, gradient_of, tensor, values};
-
-    #[test]
-    fn sums_and_means_are_burns() {
-        let leaf = Random(4).tensor([5, 7, 3], -1.0, 1.0).require_grad();
-        let squares = || leaf.clone().square();
-        assert_same_gradients(sum(squares()), squares().sum(), &[("leaf", &gradient_of(&leaf))]);
-        // The backward of Burn's `mean` divides in f32.
-        assert_same_gradients(mean(squares()), squares().sum() * (1.0 / 105.0), &[("leaf", &gradient_of(&leaf))]);
-        assert_eq!(values(&sum(tensor(Vec::new(), [0, 3]))), [0.0]);
-    }
-
-    #[test]
-    fn sums_of_activations_are_sums_of_burns() {
-        let leaf = Random(6).tensor([5, 3], -4.0, 2.0).require_grad();
-        let of_leaf = gradient_of(&leaf);
-        let actual = activated_sum(leaf.clone(), Activation::Exp, 0.25);
-        assert_same_gradients(actual, leaf.clone().exp().sum() * 0.25, &[("leaf", &of_leaf)]);
-        let actual = activated_sum(leaf.clone(), Activation::Sigmoid, 3.0);
-        let sigmoid = crate::ops::opacity::opacities_reference(leaf.clone().flatten(0, 1));
-        assert_same_gradients(actual, sigmoid.sum() * 3.0, &[("leaf", &of_leaf)]);
-    }
-
-    #[test]
-    fn a_mark_stays() {
-        let [fine, broken] = [1.0, f64::INFINITY].map(|x| tensor(vec![x, 2.0], [2]));
-        let mark = mark_not_finite(None, fine.clone());
-        assert_eq!(values(&mark), [0.0]);
-        let mark = mark_not_finite(Some(mark_not_finite(Some(mark), broken)), fine);
-        assert!(values(&mark)[0].is_nan());
-    }
-}

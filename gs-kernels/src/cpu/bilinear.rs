@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use crate::cpu::Real;
+use crate::cpu::segments::SegmentLists;
 
 /// Lookups per task; a task is about 20 microseconds.
 const BLOCK: usize = 1 << 11;
@@ -126,19 +127,11 @@ pub fn by_image<F: Real>([height, width]: [usize; 2], channels: usize, positions
     }
     let rows: Vec<u32> =
         positions.par_chunks_exact(2).map(|position| Axis::at(position[1], height).first as u32).collect();
-    let mut starts = vec![0; height + 1];
-    rows.iter().for_each(|row| starts[*row as usize + 1] += 1);
-    (0..height).for_each(|row| starts[row + 1] += starts[row]);
-    let mut ordered = vec![0; count];
-    let mut next = starts.clone();
-    for (lookup, row) in rows.iter().enumerate() {
-        ordered[next[*row as usize]] = lookup;
-        next[*row as usize] += 1;
-    }
+    let lookups = SegmentLists::new(rows, height, 0..count as u32).expect("a patch begins in a row of the image");
     out.par_chunks_exact_mut(width * channels).enumerate().for_each(|(row, out)| {
         // Patches whose next row this is, then those that begin in it; in an image of one row both are the same patch.
         for first in row.saturating_sub(1)..=row {
-            for lookup in &ordered[starts[first]..starts[first + 1]] {
+            for lookup in lookups.rows_of(first).iter().map(|lookup| *lookup as usize) {
                 let patch = Patch::at(&positions[2 * lookup..][..2], [height, width]);
                 let v = &v[lookup * channels..][..channels];
                 for (pixel, share) in patch.pixels.into_iter().zip(patch.shares()) {

@@ -6,7 +6,7 @@
 
 use crate::constants::{ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN};
 use crate::cpu::Real;
-use crate::cpu::lanes::{LANES, Lanes};
+use crate::cpu::real::{LANES, Lanes};
 use crate::rows::ProjectedRow;
 
 /// Edge of a block, pixels; a tile has as many blocks along each side.

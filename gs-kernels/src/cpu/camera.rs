@@ -2,9 +2,9 @@
 
 use crate::config::ProjectionConfig;
 use crate::cpu::Real;
-use crate::cpu::lanes::Lanes;
 use crate::cpu::math::{Mat3, Vec3, combine, dot, mat_vec};
-use crate::cpu::wide::{Number, Wide};
+use crate::cpu::real::{Lanes, Number};
+use crate::cpu::wide::Wide;
 
 /// World-to-camera rotation and translation.
 #[derive(Clone, Copy, Debug)]

@@ -6,9 +6,9 @@
 //! instead `det C0 = |m_1 x m_2|^2` and `m_1 x m_2 = diag(s_2 s_3, s_3 s_1, s_1 s_2) R^T (a_1 x a_2)`.
 
 use crate::constants::{COMPENSATION_RATIO_MIN, COV2D_MAX};
-use crate::cpu::lanes::Lanes;
 use crate::cpu::math::{Mat3, Vec3, combine, cross, dot, mat_t_vec, mat_vec, scaled};
-use crate::cpu::wide::{Number, Wide};
+use crate::cpu::real::{Lanes, Number};
+use crate::cpu::wide::Wide;
 
 /// Sixteen projected covariances, with the state for their backward pass.
 #[derive(Clone, Copy, Debug)]

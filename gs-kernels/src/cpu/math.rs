@@ -2,7 +2,7 @@
 //! or for sixteen at once ([`crate::cpu::wide::Wide`]). Nothing here is a closure, because a closure that is not
 //! inlined is compiled without the processor's vector instructions.
 
-use crate::cpu::wide::Number;
+use crate::cpu::real::Number;
 
 /// A vector in three dimensions.
 pub type Vec3<F> = [F; 3];

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::config::NoiseConfig;
 use crate::cpu::Real;
+use crate::cpu::math::rotation;
 use crate::random::{normal_pair, threefry};
 
 /// Rows per task; a task is about 20 microseconds where most gates are closed.
@@ -78,12 +79,7 @@ pub fn perturb<F: Real>(means: &mut [F], quats: &[F], log_scales: &[F], logits: 
 /// `R diag(variances) R^T v` with R the rotation of the unnormalised quaternion w x y z.
 fn covariance_times(quat: [f64; 4], variances: [f64; 3], v: [f64; 3]) -> [f64; 3] {
     let norm = quat.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let [w, x, y, z] = quat.map(|value| value / norm);
-    let rotation = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ];
+    let rotation = rotation(quat.map(|value| value / norm));
     let own: [f64; 3] = std::array::from_fn(|k| variances[k] * (0..3).map(|a| rotation[a][k] * v[a]).sum::<f64>());
     std::array::from_fn(|a| (0..3).map(|k| rotation[a][k] * own[k]).sum())
 }

@@ -1,10 +1,24 @@
-//! The float types of the CPU kernels.
+//! The float types of the CPU kernels, and sixteen of them at once. [`crate::cpu::lanes`] implements these traits.
 
-use crate::cpu::lanes::Lanes;
-use crate::cpu::wide::Number;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// The operations on numbers in the formulas of [`crate::cpu::math`].
+pub trait Number:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+{
+    /// The nearest value to a double.
+    fn of(value: f64) -> Self;
+}
 
 /// `f32` for training, `f64` to test it.
-pub trait Real: Number + Send + Sync + PartialOrd + Default + std::fmt::Debug + std::ops::MulAssign + 'static {
+pub trait Real: Number + Send + Sync + PartialOrd + Default + std::fmt::Debug + MulAssign + 'static {
     /// 0.
     const ZERO: Self;
     /// 1.
@@ -64,88 +78,75 @@ pub trait LaneTask<F: Real> {
     fn run<L: Lanes<Real = F>>(self) -> Self::Output;
 }
 
-macro_rules! real {
-    ($float:ident, $bits:expr, $with_lanes:item) => {
-        impl Number for $float {
-            #[inline(always)]
-            fn of(value: f64) -> Self {
-                value as Self
-            }
-        }
+/// Lanes in a vector: the tile's edge, and the pixels of a block.
+pub const LANES: usize = crate::constants::TILE;
 
-        impl Real for $float {
-            const ZERO: Self = 0.0;
-            const ONE: Self = 1.0;
-            const MAX: Self = $float::MAX;
-            const NAN: Self = $float::NAN;
-            const ORDER_BITS: u32 = $bits;
-            #[inline(always)]
-            fn to_f64(self) -> f64 {
-                f64::from(self)
-            }
-            #[inline(always)]
-            fn sqrt(self) -> Self {
-                self.sqrt()
-            }
-            #[inline(always)]
-            fn exp(self) -> Self {
-                self.exp()
-            }
-            #[inline(always)]
-            fn ln(self) -> Self {
-                self.ln()
-            }
-            #[inline(always)]
-            fn abs(self) -> Self {
-                self.abs()
-            }
-            #[inline(always)]
-            fn floor_i32(self) -> i32 {
-                let towards_zero = self as i32;
-                if towards_zero as Self > self { towards_zero.saturating_sub(1) } else { towards_zero }
-            }
-            #[inline(always)]
-            fn of_i32(value: i32) -> Self {
-                value as Self
-            }
-            #[inline(always)]
-            fn mul_add(self, a: Self, b: Self) -> Self {
-                self.mul_add(a, b)
-            }
-            #[inline(always)]
-            fn exp2(self) -> Self {
-                self.exp2()
-            }
-            #[inline(always)]
-            fn powf(self, exponent: Self) -> Self {
-                self.powf(exponent)
-            }
-            #[inline(always)]
-            fn is_finite(self) -> bool {
-                self.is_finite()
-            }
-            #[inline(always)]
-            fn order_bits(self) -> u64 {
-                self.to_bits().into()
-            }
-            $with_lanes
-        }
-    };
+/// Sixteen lanes of `Real`.
+pub trait Lanes: Copy {
+    /// The lane's type.
+    type Real: Real;
+    /// One truth value per lane.
+    type Mask: Copy;
+
+    /// The same value in every lane.
+    fn splat(x: Self::Real) -> Self;
+    /// Lanes from memory.
+    fn load(from: &[Self::Real; LANES]) -> Self;
+    /// Each of four numbers in four lanes: 0 to 3, 4 to 7 and so on.
+    fn spread(from: &[Self::Real; 4]) -> Self;
+    /// Lanes to memory.
+    fn store(self, to: &mut [Self::Real; LANES]);
+    /// `self + b`.
+    fn add(self, b: Self) -> Self;
+    /// `self - b`.
+    fn sub(self, b: Self) -> Self;
+    /// `self * b`.
+    fn mul(self, b: Self) -> Self;
+    /// `self / b`.
+    fn div(self, b: Self) -> Self;
+    /// `self * a + b`, rounded once.
+    fn mul_add(self, a: Self, b: Self) -> Self;
+    /// `b - self * a`, rounded once.
+    fn neg_mul_add(self, a: Self, b: Self) -> Self;
+    /// Lanewise minimum of ordinary numbers.
+    fn min(self, b: Self) -> Self;
+    /// Lanewise maximum of ordinary numbers.
+    fn max(self, b: Self) -> Self;
+    /// Magnitude.
+    fn abs(self) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// `self >= b`; false for NaN.
+    fn ge(self, b: Self) -> Self::Mask;
+    /// `self > b`; false for NaN.
+    fn gt(self, b: Self) -> Self::Mask;
+    /// Both.
+    fn both(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// `a` where the mask holds, else `b`.
+    fn select(mask: Self::Mask, a: Self, b: Self) -> Self;
+    /// The mask as bits, lane 0 lowest.
+    fn bits(mask: Self::Mask) -> u16;
+    /// `2^self` for `self <= 0`; relative error below 2e-7 for `f32`, where anything under `2^-120` may come out as any
+    /// value up to `2^-119`.
+    fn exp2_nonpositive(self) -> Self;
+    /// Sum of all lanes by halves: `((0+8)+(4+12)) + ...`, the same tree everywhere.
+    fn sum(self) -> Self::Real;
+    /// [`Lanes::sum`] of four vectors, to the bit; most units share the work.
+    #[inline(always)]
+    fn sums([a, b, c, d]: [Self; 4]) -> [Self::Real; 4] {
+        [a.sum(), b.sum(), c.sum(), d.sum()]
+    }
+
+    /// 0, 1, ... 15.
+    #[inline(always)]
+    fn ramp() -> Self {
+        Self::load(&std::array::from_fn(|i| Self::Real::of(i as f64)))
+    }
+    /// The lanes as an array.
+    #[inline(always)]
+    fn to_array(self) -> [Self::Real; LANES] {
+        let mut out = [Self::Real::ZERO; LANES];
+        self.store(&mut out);
+        out
+    }
 }
-
-real!(
-    f32,
-    32,
-    #[inline]
-    fn with_lanes<T: LaneTask<f32>>(task: T) -> T::Output {
-        crate::cpu::lanes::with_f32_lanes(task)
-    }
-);
-real!(
-    f64,
-    64,
-    #[inline]
-    fn with_lanes<T: LaneTask<f64>>(task: T) -> T::Output {
-        crate::cpu::lanes::with_f64_lanes(task)
-    }
-);

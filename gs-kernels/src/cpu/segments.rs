@@ -49,11 +49,16 @@ impl SegmentLists {
         self.starts.len() - 1
     }
 
+    /// The rows of a segment.
+    pub fn rows_of(&self, segment: usize) -> &[u32] {
+        &self.rows[self.starts[segment] as usize..self.starts[segment + 1] as usize]
+    }
+
     /// `1 / rows` of a segment, 0 without rows.
     fn share<F: Real>(&self, segment: usize) -> F {
-        match self.starts[segment + 1] - self.starts[segment] {
+        match self.rows_of(segment).len() {
             0 => F::ZERO,
-            count => F::of(1.0 / f64::from(count)),
+            count => F::of(1.0 / count as f64),
         }
     }
 }
@@ -72,7 +77,7 @@ pub fn reduce<F: Real>(input: &[F], channels: usize, lists: &SegmentLists, mean:
     output.par_chunks_mut(CHUNK * channels).enumerate().for_each(|(chunk, sums)| {
         for (at, sums) in sums.chunks_exact_mut(channels).enumerate() {
             let segment = chunk * CHUNK + at;
-            for row in &lists.rows[lists.starts[segment] as usize..lists.starts[segment + 1] as usize] {
+            for row in lists.rows_of(segment) {
                 let row = &input[*row as usize * channels..][..channels];
                 sums.iter_mut().zip(row).for_each(|(sum, x)| *sum += *x);
             }

@@ -18,10 +18,8 @@ use rayon::prelude::*;
 
 use crate::constants::{PIXEL_MAX, SSIM_C1, SSIM_C2, SSIM_SHIFT, SSIM_SIGMA, SSIM_WINDOW};
 use crate::cpu::Real;
-use crate::cpu::lanes::{LANES, Lanes};
 use crate::cpu::parallel::zeros;
-use crate::cpu::real::LaneTask;
-use crate::cpu::wide::Number;
+use crate::cpu::real::{LANES, LaneTask, Lanes, Number};
 
 /// Rows per task: fixed, so that sums do not depend on threads; high enough that the 10 extra rows cost a sixth.
 const STRIP: usize = 64;

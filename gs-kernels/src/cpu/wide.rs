@@ -5,23 +5,7 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use crate::cpu::Real;
-use crate::cpu::lanes::{LANES, Lanes};
-
-/// The operations on numbers in the formulas of [`crate::cpu::math`].
-pub trait Number:
-    Copy
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-    + Div<Output = Self>
-    + Neg<Output = Self>
-    + AddAssign
-    + SubAssign
-{
-    /// The nearest value to a double.
-    fn of(value: f64) -> Self;
-}
+use crate::cpu::real::{LANES, Lanes, Number, Real};
 
 /// Sixteen numbers with the operators of one.
 #[derive(Clone, Copy, Debug)]
@@ -84,36 +68,31 @@ impl<L: Lanes> Number for Wide<L> {
     }
 }
 
-impl<L: Lanes> Add for Wide<L> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, b: Self) -> Self {
-        Self(self.0.add(b.0))
-    }
+/// Each operator by the lanes' function of its name.
+macro_rules! operators {
+    ($($operator:ident $function:ident $(, $assign:ident $assigned:ident)?;)*) => {$(
+        impl<L: Lanes> $operator for Wide<L> {
+            type Output = Self;
+            #[inline(always)]
+            fn $function(self, b: Self) -> Self {
+                Self(self.0.$function(b.0))
+            }
+        }
+
+        $(impl<L: Lanes> $assign for Wide<L> {
+            #[inline(always)]
+            fn $assigned(&mut self, b: Self) {
+                *self = $operator::$function(*self, b);
+            }
+        })?
+    )*};
 }
 
-impl<L: Lanes> Sub for Wide<L> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, b: Self) -> Self {
-        Self(self.0.sub(b.0))
-    }
-}
-
-impl<L: Lanes> Mul for Wide<L> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, b: Self) -> Self {
-        Self(self.0.mul(b.0))
-    }
-}
-
-impl<L: Lanes> Div for Wide<L> {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, b: Self) -> Self {
-        Self(self.0.div(b.0))
-    }
+operators! {
+    Add add, AddAssign add_assign;
+    Sub sub, SubAssign sub_assign;
+    Mul mul;
+    Div div;
 }
 
 impl<L: Lanes> Neg for Wide<L> {
@@ -121,19 +100,5 @@ impl<L: Lanes> Neg for Wide<L> {
     #[inline(always)]
     fn neg(self) -> Self {
         Self(L::splat(L::Real::ZERO).sub(self.0))
-    }
-}
-
-impl<L: Lanes> AddAssign for Wide<L> {
-    #[inline(always)]
-    fn add_assign(&mut self, b: Self) {
-        *self = *self + b;
-    }
-}
-
-impl<L: Lanes> SubAssign for Wide<L> {
-    #[inline(always)]
-    fn sub_assign(&mut self, b: Self) {
-        *self = *self - b;
     }
 }

@@ -37,16 +37,9 @@ pub struct Bounds {
 
 impl Bounds {
     /// The box of `points`; at the origin and empty without points.
-    pub fn of(points: &[[f32; 3]]) -> Self {
-        let Some(first) = points.first() else { return Self { low: [0.0; 3], high: [0.0; 3] } };
-        let (mut low, mut high) = (*first, *first);
-        for point in points {
-            for axis in 0..3 {
-                low[axis] = low[axis].min(point[axis]);
-                high[axis] = high[axis].max(point[axis]);
-            }
-        }
-        Self { low: low.map(f64::from), high: high.map(f64::from) }
+    pub fn of<'a>(points: impl IntoIterator<Item = &'a [f32; 3]>) -> Self {
+        let [low, high] = extremes(points.into_iter().map(|point| point.map(f64::from)));
+        if low[0] > high[0] { Self { low: [0.0; 3], high: [0.0; 3] } } else { Self { low, high } }
     }
 
     /// Its centre.
@@ -62,6 +55,17 @@ impl Bounds {
             BoxLength::Diagonal => edges.iter().map(|edge| edge * edge).sum::<f64>().sqrt(),
         }
     }
+}
+
+/// The smallest and the largest coordinates of points; infinite, the smallest above the largest, without points.
+pub fn extremes<const D: usize>(points: impl Iterator<Item = [f64; D]>) -> [[f64; D]; 2] {
+    points.fold([[f64::INFINITY; D], [f64::NEG_INFINITY; D]], |[mut low, mut high], point| {
+        for axis in 0..D {
+            low[axis] = low[axis].min(point[axis]);
+            high[axis] = high[axis].max(point[axis]);
+        }
+        [low, high]
+    })
 }
 
 /// The number of far points and their places.

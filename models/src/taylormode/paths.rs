@@ -198,15 +198,9 @@ impl Paths {
         )
     }
 
-    /// Centres `[M, 3]` and orientations `[M, 4]` of the moving rows alone, from all rows at `t0`
-    /// (`[N, 3]`, `[N, 4]`).
-    pub fn sample_rows(&self, means: &Tensor<2>, quats: &Tensor<2>, t: f64) -> (Tensor<2>, Tensor<2>) {
-        let MovingSamples { means, quats, .. } = self.samples(means, quats, &vec![t].into());
-        (means, quats)
-    }
-
-    /// [`sample_rows`](Self::sample_rows) at each of the `instants` of an exposure, one after another. The number of
-    /// operations does not depend on that of the instants.
+    /// Centres `[I M, 3]` and orientations `[I M, 4]` of the moving rows alone, from all rows at `t0` (`[N, 3]`, `[N,
+    /// 4]`), at each of the `I` instants of an exposure, one after another. The number of operations does not depend on
+    /// that of the instants.
     pub fn samples(&self, means: &Tensor<2>, quats: &Tensor<2>, instants: &Instants) -> MovingSamples {
         let _stage = profile::stage("motion samples");
         let (count, moving) = (instants.len(), self.len());

@@ -2,9 +2,8 @@
 
 use crate::constants::{ALPHA_MIN, FEATURE_MAX, TILE};
 use crate::cpu::Real;
-use crate::cpu::lanes::{LANES, Lanes};
-use crate::cpu::real::LaneTask;
-use crate::cpu::wide::{Number, Wide};
+use crate::cpu::real::{LANES, LaneTask, Lanes, Number};
+use crate::cpu::wide::Wide;
 use crate::rows::ProjectedRow;
 
 /// Relative and absolute slack of the cut-off, in units of sigma. The exact decision is made per pixel; the slack only

@@ -2,8 +2,8 @@
 
 use std::arch::x86_64::*;
 
-use super::{EXP2_F32, LANES, Lanes};
-use crate::cpu::real::LaneTask;
+use super::portable::{EXP2_F32, EXP2_LOWEST, Portable};
+use crate::cpu::real::{LANES, LaneTask, Lanes};
 
 /// Sixteen `f32` lanes. Values exist only inside [`run`], where the processor is known to have the instructions;
 /// that is what makes the `unsafe` calls below sound.
@@ -25,7 +25,7 @@ pub unsafe fn run<T: LaneTask<f32>>(task: T) -> T::Output {
 /// The processor must have AVX2 and FMA.
 #[target_feature(enable = "avx2,fma,bmi1,bmi2")]
 pub unsafe fn run_f64<T: LaneTask<f64>>(task: T) -> T::Output {
-    task.run::<super::Portable<f64>>()
+    task.run::<Portable<f64>>()
 }
 
 /// Sum of eight lanes by halves.
@@ -65,7 +65,7 @@ pub unsafe fn sums8([a, b, c, d]: [__m256; 4]) -> [f32; 4] {
 #[inline(always)]
 unsafe fn exp2(x: __m256) -> __m256 {
     unsafe {
-        let x = _mm256_max_ps(x, _mm256_set1_ps(super::EXP2_LOWEST));
+        let x = _mm256_max_ps(x, _mm256_set1_ps(EXP2_LOWEST));
         let n = _mm256_round_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(x);
         let f = _mm256_sub_ps(x, n);
         let [a, b, c, d, e, one] = EXP2_F32;
@@ -77,6 +77,16 @@ unsafe fn exp2(x: __m256) -> __m256 {
         let exponent = _mm256_slli_epi32::<23>(_mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127)));
         _mm256_mul_ps(p, _mm256_castsi256_ps(exponent))
     }
+}
+
+/// Operations that are one instruction, or one function, for each register.
+macro_rules! lanewise {
+    ($($name:ident($($other:ident),*) = $instruction:ident,)*) => {$(
+        #[inline(always)]
+        fn $name(self $(, $other: Self)*) -> Self {
+            unsafe { Self($instruction(self.0 $(, $other.0)*), $instruction(self.1 $(, $other.1)*)) }
+        }
+    )*};
 }
 
 impl Lanes for Avx2 {
@@ -107,37 +117,10 @@ impl Lanes for Avx2 {
             _mm256_storeu_ps(to.as_mut_ptr().add(8), self.1);
         }
     }
-    #[inline(always)]
-    fn add(self, b: Self) -> Self {
-        unsafe { Self(_mm256_add_ps(self.0, b.0), _mm256_add_ps(self.1, b.1)) }
-    }
-    #[inline(always)]
-    fn sub(self, b: Self) -> Self {
-        unsafe { Self(_mm256_sub_ps(self.0, b.0), _mm256_sub_ps(self.1, b.1)) }
-    }
-    #[inline(always)]
-    fn mul(self, b: Self) -> Self {
-        unsafe { Self(_mm256_mul_ps(self.0, b.0), _mm256_mul_ps(self.1, b.1)) }
-    }
-    #[inline(always)]
-    fn div(self, b: Self) -> Self {
-        unsafe { Self(_mm256_div_ps(self.0, b.0), _mm256_div_ps(self.1, b.1)) }
-    }
-    #[inline(always)]
-    fn mul_add(self, a: Self, b: Self) -> Self {
-        unsafe { Self(_mm256_fmadd_ps(self.0, a.0, b.0), _mm256_fmadd_ps(self.1, a.1, b.1)) }
-    }
-    #[inline(always)]
-    fn neg_mul_add(self, a: Self, b: Self) -> Self {
-        unsafe { Self(_mm256_fnmadd_ps(self.0, a.0, b.0), _mm256_fnmadd_ps(self.1, a.1, b.1)) }
-    }
-    #[inline(always)]
-    fn min(self, b: Self) -> Self {
-        unsafe { Self(_mm256_min_ps(self.0, b.0), _mm256_min_ps(self.1, b.1)) }
-    }
-    #[inline(always)]
-    fn max(self, b: Self) -> Self {
-        unsafe { Self(_mm256_max_ps(self.0, b.0), _mm256_max_ps(self.1, b.1)) }
+    lanewise! {
+        add(b) = _mm256_add_ps, sub(b) = _mm256_sub_ps, mul(b) = _mm256_mul_ps, div(b) = _mm256_div_ps,
+        mul_add(a, b) = _mm256_fmadd_ps, neg_mul_add(a, b) = _mm256_fnmadd_ps,
+        min(b) = _mm256_min_ps, max(b) = _mm256_max_ps, sqrt() = _mm256_sqrt_ps, exp2_nonpositive() = exp2,
     }
     #[inline(always)]
     fn abs(self) -> Self {
@@ -145,10 +128,6 @@ impl Lanes for Avx2 {
             let sign = _mm256_set1_ps(-0.0);
             Self(_mm256_andnot_ps(sign, self.0), _mm256_andnot_ps(sign, self.1))
         }
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        unsafe { Self(_mm256_sqrt_ps(self.0), _mm256_sqrt_ps(self.1)) }
     }
     #[inline(always)]
     fn ge(self, b: Self) -> (__m256, __m256) {
@@ -169,10 +148,6 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn bits(mask: (__m256, __m256)) -> u16 {
         unsafe { (_mm256_movemask_ps(mask.0) as u16) | ((_mm256_movemask_ps(mask.1) as u16) << 8) }
-    }
-    #[inline(always)]
-    fn exp2_nonpositive(self) -> Self {
-        unsafe { Self(exp2(self.0), exp2(self.1)) }
     }
     #[inline(always)]
     fn sum(self) -> f32 {

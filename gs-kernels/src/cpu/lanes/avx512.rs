@@ -2,8 +2,8 @@
 
 use std::arch::x86_64::*;
 
-use super::{EXP2_F32, LANES, Lanes};
-use crate::cpu::real::LaneTask;
+use super::portable::EXP2_F32;
+use crate::cpu::real::{LANES, LaneTask, Lanes};
 
 /// Sixteen `f32` lanes. Values exist only inside [`run`], where the processor is known to have the instructions;
 /// that is what makes the `unsafe` calls below sound.
@@ -17,6 +17,16 @@ pub struct Avx512(__m512);
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma,bmi1,bmi2")]
 pub unsafe fn run<T: LaneTask<f32>>(task: T) -> T::Output {
     task.run::<Avx512>()
+}
+
+/// Operations that are one instruction.
+macro_rules! lanewise {
+    ($($name:ident($($other:ident),*) = $instruction:ident,)*) => {$(
+        #[inline(always)]
+        fn $name(self $(, $other: Self)*) -> Self {
+            Self(unsafe { $instruction(self.0 $(, $other.0)*) })
+        }
+    )*};
 }
 
 impl Lanes for Avx512 {
@@ -43,45 +53,10 @@ impl Lanes for Avx512 {
     fn store(self, to: &mut [f32; LANES]) {
         unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self.0) }
     }
-    #[inline(always)]
-    fn add(self, b: Self) -> Self {
-        Self(unsafe { _mm512_add_ps(self.0, b.0) })
-    }
-    #[inline(always)]
-    fn sub(self, b: Self) -> Self {
-        Self(unsafe { _mm512_sub_ps(self.0, b.0) })
-    }
-    #[inline(always)]
-    fn mul(self, b: Self) -> Self {
-        Self(unsafe { _mm512_mul_ps(self.0, b.0) })
-    }
-    #[inline(always)]
-    fn div(self, b: Self) -> Self {
-        Self(unsafe { _mm512_div_ps(self.0, b.0) })
-    }
-    #[inline(always)]
-    fn mul_add(self, a: Self, b: Self) -> Self {
-        Self(unsafe { _mm512_fmadd_ps(self.0, a.0, b.0) })
-    }
-    #[inline(always)]
-    fn neg_mul_add(self, a: Self, b: Self) -> Self {
-        Self(unsafe { _mm512_fnmadd_ps(self.0, a.0, b.0) })
-    }
-    #[inline(always)]
-    fn min(self, b: Self) -> Self {
-        Self(unsafe { _mm512_min_ps(self.0, b.0) })
-    }
-    #[inline(always)]
-    fn max(self, b: Self) -> Self {
-        Self(unsafe { _mm512_max_ps(self.0, b.0) })
-    }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        Self(unsafe { _mm512_abs_ps(self.0) })
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self(unsafe { _mm512_sqrt_ps(self.0) })
+    lanewise! {
+        add(b) = _mm512_add_ps, sub(b) = _mm512_sub_ps, mul(b) = _mm512_mul_ps, div(b) = _mm512_div_ps,
+        mul_add(a, b) = _mm512_fmadd_ps, neg_mul_add(a, b) = _mm512_fnmadd_ps,
+        min(b) = _mm512_min_ps, max(b) = _mm512_max_ps, abs() = _mm512_abs_ps, sqrt() = _mm512_sqrt_ps,
     }
     #[inline(always)]
     fn ge(self, b: Self) -> __mmask16 {

@@ -2,7 +2,8 @@
 
 use std::arch::aarch64::*;
 
-use super::{EXP2_F32, LANES, Lanes};
+use super::portable::{EXP2_F32, EXP2_LOWEST};
+use crate::cpu::real::{LANES, Lanes};
 
 /// Sixteen `f32` lanes; NEON is part of every aarch64 processor, which makes the `unsafe` calls below sound.
 #[derive(Clone, Copy)]
@@ -18,7 +19,7 @@ impl Neon {
 #[inline(always)]
 unsafe fn exp2(x: float32x4_t) -> float32x4_t {
     unsafe {
-        let x = vmaxq_f32(x, vdupq_n_f32(super::EXP2_LOWEST));
+        let x = vmaxq_f32(x, vdupq_n_f32(EXP2_LOWEST));
         let n = vrndnq_f32(x);
         let f = vsubq_f32(x, n);
         let [a, b, c, d, e, one] = EXP2_F32;

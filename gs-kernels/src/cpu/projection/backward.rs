@@ -7,11 +7,10 @@ use super::path::{Path, Projector};
 use crate::config::ProjectionConfig;
 use crate::cpu::camera::PoseGradient;
 use crate::cpu::covariance;
-use crate::cpu::lanes::{LANES, Lanes};
 use crate::cpu::math::{Vec3, mat_t_vec, normalise_vjp, rotation_vjp};
 use crate::cpu::parallel::{CHUNK, zeros};
-use crate::cpu::real::{LaneTask, Real};
-use crate::cpu::wide::{Number, Wide};
+use crate::cpu::real::{LANES, LaneTask, Lanes, Number, Real};
+use crate::cpu::wide::Wide;
 use crate::rows::{PROJECTED, ProjectedRow};
 
 /// Gradients of [`super::forward`], each in the shape of its argument.

@@ -2,9 +2,8 @@
 
 use crate::config::ProjectionConfig;
 use crate::cpu::camera::{Pinhole, Pose};
-use crate::cpu::lanes::{LANES, Lanes};
-use crate::cpu::real::Real;
-use crate::cpu::wide::{Number, Wide};
+use crate::cpu::real::{LANES, Lanes, Number, Real};
+use crate::cpu::wide::Wide;
 
 /// Number of values of a Gaussian's mean, orientation and scale.
 pub(super) const MEAN: usize = 3;

@@ -6,10 +6,9 @@ use super::batch::{Scene, scatter};
 use super::path::{Path, Projector};
 use crate::config::ProjectionConfig;
 use crate::constants::CUTOFF_SIGMAS;
-use crate::cpu::lanes::{LANES, Lanes};
 use crate::cpu::parallel::{CHUNK, zeros};
-use crate::cpu::real::{LaneTask, Real};
-use crate::cpu::wide::{Number, Wide};
+use crate::cpu::real::{LANES, LaneTask, Lanes, Number, Real};
+use crate::cpu::wide::Wide;
 use crate::rows::{PROJECTED, ProjectedRow};
 
 /// Projects every Gaussian.

@@ -4,9 +4,9 @@ use super::batch::{Batch, MEAN, QUAT, SCALES, Scene, load};
 use crate::constants::{QUAT_NORM2_MAX, QUAT_NORM2_MIN};
 use crate::cpu::camera::{Pinhole, Pose};
 use crate::cpu::covariance::{self, Projected2d};
-use crate::cpu::lanes::Lanes;
 use crate::cpu::math::{Mat3, Vec3, rotation};
-use crate::cpu::wide::{Number, Wide};
+use crate::cpu::real::{Lanes, Number};
+use crate::cpu::wide::Wide;
 
 /// The inputs of a [`Scene`], for sixteen Gaussians.
 pub(super) struct Projector<L: Lanes> {

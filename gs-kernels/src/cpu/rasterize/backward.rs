@@ -21,10 +21,8 @@ use crate::constants::ALPHA_MAX;
 use crate::cpu::Real;
 use crate::cpu::blend::TileGaussian;
 use crate::cpu::intersect::IntersectionSlices;
-use crate::cpu::lanes::Lanes;
 use crate::cpu::parallel::{Disjoint, zeros};
-use crate::cpu::real::LaneTask;
-use crate::cpu::wide::Number;
+use crate::cpu::real::{LaneTask, Lanes, Number};
 use crate::rows::ProjectedRow;
 
 /// Backward of [`super::forward`] from `v_output`, in the shape of its result; pixels outside the image are not read.

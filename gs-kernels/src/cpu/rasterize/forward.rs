@@ -6,9 +6,8 @@ use super::tile::{BLOCKS, FeatureLanes, Inputs, TilePlane, UNROLLED, block_and_l
 use crate::config::RasterizeConfig;
 use crate::cpu::Real;
 use crate::cpu::intersect::IntersectionSlices;
-use crate::cpu::lanes::Lanes;
 use crate::cpu::parallel::{Disjoint, zeros};
-use crate::cpu::real::LaneTask;
+use crate::cpu::real::{LaneTask, Lanes};
 
 /// Renders.
 ///

@@ -7,8 +7,8 @@ use crate::constants::{ALPHA_MIN, TILE};
 use crate::cpu::Real;
 use crate::cpu::blend::{EDGE, OUTSIDE, TileGaussian};
 use crate::cpu::intersect::IntersectionSlices;
-use crate::cpu::lanes::{LANES, Lanes};
 use crate::cpu::parallel::{CHUNK, prefetch, zeros};
+use crate::cpu::real::{LANES, Lanes};
 use crate::rows::{DEPTH, PROJECTED, ProjectedRow};
 
 /// Largest number of channels that has code of its own, with every accumulator in registers.

@@ -7,10 +7,9 @@ use super::chunk::{Chunk, check, with_used};
 use crate::config::ShConfig;
 use crate::cpu::Real;
 use crate::cpu::camera::{Pose, PoseGradient};
-use crate::cpu::lanes::Lanes;
 use crate::cpu::math::{Vec3, dot, row};
 use crate::cpu::parallel::{CHUNK, zeros};
-use crate::cpu::real::LaneTask;
+use crate::cpu::real::{LaneTask, Lanes};
 use crate::rows::ProjectedRow;
 
 /// Gradients of [`super::forward`], each in the shape of its argument.

@@ -8,10 +8,9 @@ use crate::config::ShConfig;
 use crate::constants::INVALID_FEATURE;
 use crate::cpu::Real;
 use crate::cpu::camera::Pose;
-use crate::cpu::lanes::Lanes;
 use crate::cpu::math::row;
 use crate::cpu::parallel::{CHUNK, zeros};
-use crate::cpu::real::LaneTask;
+use crate::cpu::real::{LaneTask, Lanes};
 use crate::rows::ProjectedRow;
 
 /// Colours `[N, 3]` seen from the camera.

@@ -5,11 +5,18 @@
 //! the product, and with 96 the rate was two thirds of this one (BENCHMARKS.md).
 
 use super::pairs::{PairLists, Pairs};
-use super::rows::Channels;
 use crate::cpu::Real;
-use crate::cpu::lanes::{LANES, Lanes};
 use crate::cpu::parallel::zeros;
-use crate::cpu::real::LaneTask;
+use crate::cpu::real::{LANES, LaneTask, Lanes};
+
+/// Columns of the input and the output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Channels {
+    /// Columns of the input.
+    pub input: usize,
+    /// Columns of the output.
+    pub output: usize,
+}
 
 /// Output rows at a time: six vectors of sixteen lanes are twelve registers of AVX2, which has sixteen.
 const ROWS: usize = 6;

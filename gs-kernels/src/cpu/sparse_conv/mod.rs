@@ -22,9 +22,10 @@ mod table;
 mod voxels;
 mod weights;
 
+pub use direct::Channels;
 pub use keys::{BATCHES, COORDINATE_LIMIT, LARGEST_KERNEL, SparseError};
 pub use pairs::PairLists;
-pub use rows::{Channels, forward, transposed_weights};
+pub use rows::{forward, transposed_weights};
 pub use table::{Neighbours, strided, submanifold};
 pub use voxels::{Voxels, voxels};
 pub use weights::backward_weights;

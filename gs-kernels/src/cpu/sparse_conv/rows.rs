@@ -5,19 +5,10 @@
 
 use rayon::prelude::*;
 
-use super::direct;
+use super::direct::{self, Channels};
 use super::pairs::PairLists;
 use crate::cpu::Real;
 use crate::cpu::parallel::zeros;
-
-/// Columns of the input and the output.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Channels {
-    /// Columns of the input.
-    pub input: usize,
-    /// Columns of the output.
-    pub output: usize,
-}
 
 /// `[outputs, C_out]` from `input` `[inputs, C_in]` and `weights` `[K, C_in, C_out]`; with `flip`, offset `k` takes
 /// the weights of offset `K - 1 - k`.

@@ -3,8 +3,8 @@
 
 use rayon::prelude::*;
 
+use super::direct::Channels;
 use super::pairs::{PairLists, Pairs};
-use super::rows::Channels;
 use crate::cpu::Real;
 use crate::cpu::parallel::zeros;
 

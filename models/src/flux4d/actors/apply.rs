@@ -33,19 +33,24 @@ pub fn apply_edits(scene: &FluxScene, actors: &[Actor], script: &EditScript) -> 
     Ok(draft.finish(scene))
 }
 
-/// The moving rows on the host.
-struct Draft {
-    /// The moving row of the scene that each row is a copy of.
-    from: Vec<u32>,
-    /// The actor of each row; rows of none stay as they are.
-    actor: Vec<Option<usize>>,
-    means: Vec<[f64; 3]>,
-    quats: Vec<[f64; 4]>,
+/// A moving Gaussian on the host.
+#[derive(Clone)]
+struct Row {
+    /// The moving row of the scene that it is a copy of.
+    from: u32,
+    /// Its actor; a row of none stays as it is.
+    actor: Option<usize>,
+    mean: [f64; 3],
+    quat: [f64; 4],
     /// Blocks of three.
-    velocity: Vec<Vec<f64>>,
+    velocity: Vec<f64>,
     /// Coefficients, three a term.
-    sh: Vec<Vec<f64>>,
-    /// The centre that each actor turns about.
+    sh: Vec<f64>,
+}
+
+/// The moving rows, and the centre that each actor turns about.
+struct Draft {
+    rows: Vec<Row>,
     centres: Vec<[f64; 3]>,
 }
 
@@ -61,32 +66,28 @@ impl Draft {
         };
         let sh = scene.gaussians.sh.val();
         let [rows, terms, _] = sh.dims();
-        let mut actor = vec![None; count];
+        let (means, quats) = (table(scene.gaussians.means.val()), table(scene.gaussians.quats.val()));
+        let (velocity, sh) = (host(scene.velocity.val().inner().to_data()), table(sh.reshape([rows, 3 * terms])));
+        let velocity = velocity.chunks(scene.motion.columns());
+        let columns = means.iter().zip(&quats).zip(velocity).zip(sh).zip(0..);
+        let mut rows: Vec<Row> = columns
+            .map(|((((m, q), velocity), sh), from)| {
+                let (mean, quat) = ([m[0], m[1], m[2]], [q[0], q[1], q[2], q[3]]);
+                Row { from, actor: None, mean, quat, velocity: velocity.to_vec(), sh }
+            })
+            .collect();
         for (number, found) in actors.iter().enumerate() {
-            found
-                .rows
-                .iter()
-                .filter(|row| (**row as usize) < count)
-                .for_each(|row| actor[*row as usize] = Some(number));
+            let own = found.rows.iter().filter(|row| (**row as usize) < count);
+            own.for_each(|row| rows[*row as usize].actor = Some(number));
         }
-        let velocity = host(scene.velocity.val().inner().to_data());
-        Self {
-            from: (0..count as u32).collect(),
-            actor,
-            means: table(scene.gaussians.means.val()).into_iter().map(|r| [r[0], r[1], r[2]]).collect(),
-            quats: table(scene.gaussians.quats.val()).into_iter().map(|r| [r[0], r[1], r[2], r[3]]).collect(),
-            velocity: velocity.chunks(scene.motion.columns()).map(<[f64]>::to_vec).collect(),
-            sh: table(sh.reshape([rows, 3 * terms])),
-            centres: actors.iter().map(|actor| actor.bounds.centre).collect(),
-        }
+        Self { rows, centres: actors.iter().map(|actor| actor.bounds.centre).collect() }
     }
 
     fn apply(&mut self, edit: &Edit) -> Result<(), FluxError> {
         match *edit {
             Edit::Remove { actor } => {
                 self.check_actor(actor)?;
-                let kept: Vec<usize> = (0..self.from.len()).filter(|row| self.actor[*row] != Some(actor)).collect();
-                self.keep(&kept);
+                self.rows.retain(|row| row.actor != Some(actor));
             }
             Edit::Move { actor, offset, turn } => {
                 self.check_place(actor, offset, turn)?;
@@ -96,7 +97,9 @@ impl Draft {
                 self.check_place(actor, offset, turn)?;
                 let copy = self.centres.len();
                 self.centres.push(self.centres[actor]);
-                self.copy(actor, copy);
+                let copied = self.rows.iter().filter(|row| row.actor == Some(actor)).cloned();
+                let copied: Vec<Row> = copied.map(|row| Row { actor: Some(copy), ..row }).collect();
+                self.rows.extend(copied);
                 self.place(actor, copy, offset, turn);
             }
             Edit::Recolor { actor, color, share } => {
@@ -113,7 +116,7 @@ impl Draft {
         match self.centres.len() {
             0 => Err(FluxError::NoActors { actor }),
             count if actor >= count => Err(FluxError::NoActor { actor, last: count - 1 }),
-            _ if !self.actor.contains(&Some(actor)) => Err(FluxError::Removed { actor }),
+            _ if self.rows.iter().all(|row| row.actor != Some(actor)) => Err(FluxError::Removed { actor }),
             _ => Ok(()),
         }
     }
@@ -125,21 +128,9 @@ impl Draft {
         offset.iter().try_for_each(within)
     }
 
-    fn keep(&mut self, rows: &[usize]) {
-        self.from = rows.iter().map(|row| self.from[*row]).collect();
-        self.actor = rows.iter().map(|row| self.actor[*row]).collect();
-        self.means = rows.iter().map(|row| self.means[*row]).collect();
-        self.quats = rows.iter().map(|row| self.quats[*row]).collect();
-        self.velocity = rows.iter().map(|row| self.velocity[*row].clone()).collect();
-        self.sh = rows.iter().map(|row| self.sh[*row].clone()).collect();
-    }
-
-    fn copy(&mut self, actor: usize, copy: usize) {
-        let count = self.from.len();
-        let copied = (0..count).filter(|row| self.actor[*row] == Some(actor));
-        let rows: Vec<usize> = (0..count).chain(copied).collect();
-        self.keep(&rows);
-        self.actor[count..].fill(Some(copy));
+    /// The rows of an actor.
+    fn of(&mut self, actor: usize) -> impl Iterator<Item = &mut Row> {
+        self.rows.iter_mut().filter(move |row| row.actor == Some(actor))
     }
 
     /// Turns the rows of `moved` about the centre of `pivot`, then shifts them.
@@ -148,24 +139,23 @@ impl Draft {
         let turned = |[x, y, z]: [f64; 3]| [cos * x - sin * y, sin * x + cos * y, z];
         let (half_sin, half_cos) = (0.5 * turn.to_radians()).sin_cos();
         let centre = self.centres[pivot];
-        for row in (0..self.from.len()).filter(|row| self.actor[*row] == Some(moved)) {
-            let mean = self.means[row];
-            let relative = turned([0, 1, 2].map(|axis| mean[axis] - centre[axis]));
-            self.means[row] = [0, 1, 2].map(|axis| centre[axis] + relative[axis] + offset[axis]);
-            for block in self.velocity[row].chunks_exact_mut(3) {
+        for row in self.of(moved) {
+            let relative = turned([0, 1, 2].map(|axis| row.mean[axis] - centre[axis]));
+            row.mean = [0, 1, 2].map(|axis| centre[axis] + relative[axis] + offset[axis]);
+            for block in row.velocity.chunks_exact_mut(3) {
                 block.copy_from_slice(&turned([block[0], block[1], block[2]]));
             }
             // (c, 0, 0, s) times the quaternion (Hamilton).
-            let [w, x, y, z] = self.quats[row];
+            let [w, x, y, z] = row.quat;
             let (c, s) = (half_cos, half_sin);
-            self.quats[row] = [c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w];
+            row.quat = [c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w];
         }
         self.centres[moved] = [0, 1, 2].map(|axis| centre[axis] + offset[axis]);
     }
 
     fn recolor(&mut self, actor: usize, color: [f64; 3], share: f64) {
-        for row in (0..self.from.len()).filter(|row| self.actor[*row] == Some(actor)) {
-            for (term, values) in self.sh[row].chunks_exact_mut(3).enumerate() {
+        for row in self.of(actor) {
+            for (term, values) in row.sh.chunks_exact_mut(3).enumerate() {
                 for channel in 0..3 {
                     let target = if term == 0 { (color[channel] - 0.5) / SH_C0 } else { 0.0 };
                     values[channel] += share * (target - values[channel]);
@@ -176,8 +166,8 @@ impl Draft {
 
     fn finish(self, scene: &FluxScene) -> Edited {
         let resting = scene.resting() as u32;
-        let rows: Vec<u32> = (0..resting).chain(self.from.iter().map(|row| resting + row)).collect();
-        let count = self.from.len();
+        let rows: Vec<u32> = (0..resting).chain(self.rows.iter().map(|row| resting + row.from)).collect();
+        let count = self.rows.len();
         let old = reordered(&scene.gaussians, &rows);
         let options = (old.device(), old.means.dtype());
         let joined = |kept: Tensor<2>, values: Vec<f64>| {
@@ -192,21 +182,22 @@ impl Draft {
         };
         let sh = old.sh.val();
         let [total, terms, _] = sh.dims();
-        let colors = joined(sh.reshape([total, 3 * terms]), self.sh.concat()).reshape([total, terms, 3]);
+        let column = |of: fn(&Row) -> &[f64]| self.rows.iter().flat_map(of).copied().collect::<Vec<f64>>();
+        let colors = joined(sh.reshape([total, 3 * terms]), column(|row| &row.sh)).reshape([total, terms, 3]);
         let gaussians = Gaussians::from_tensors(
-            joined(old.means.val(), self.means.concat()),
-            joined(old.quats.val(), self.quats.concat()),
+            joined(old.means.val(), column(|row| &row.mean)),
+            joined(old.quats.val(), column(|row| &row.quat)),
             old.log_scales.val(),
             old.opacity_logits.val(),
             colors,
         );
         let velocity = match count {
             0 => take(scene.velocity.val().inner(), &[]),
-            _ => table(self.velocity.concat(), [count, scene.motion.columns()], &options),
+            _ => table(column(|row| &row.velocity), [count, scene.motion.columns()], &options),
         };
-        let times = self.from.iter().map(|row| scene.times[*row as usize]).collect();
+        let times = self.rows.iter().map(|row| scene.times[row.from as usize]).collect();
         let of_actor =
-            |actor: usize| (0..count as u32).filter(|row| self.actor[*row as usize] == Some(actor)).collect();
+            |actor: usize| (0..count as u32).filter(|row| self.rows[*row as usize].actor == Some(actor)).collect();
         let actors = (0..self.centres.len()).map(of_actor).collect();
         let (motion, window) = (scene.motion, scene.window);
         Edited {

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::dbscan::dbscan;
 use crate::flux4d::error::FluxError;
+use crate::flux4d::far::extremes;
 use crate::flux4d::scene::FluxScene;
 
 /// Rows of a cluster up to which it may be a part of a body: two beams of a LiDAR on a car 40 m away have as many each,
@@ -161,15 +162,8 @@ pub fn described(scene: &FluxScene, members: Vec<Vec<u32>>, t: f64, times: &[f64
 fn bounds(means: &[[f64; 3]], rows: &[u32], velocity: [f64; 3]) -> ActorBox {
     let yaw = velocity[1].atan2(velocity[0]);
     let (sin, cos) = yaw.sin_cos();
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for row in rows {
-        let [x, y, z] = means[*row as usize];
-        let turned = [cos * x + sin * y, cos * y - sin * x, z];
-        for axis in 0..3 {
-            low[axis] = low[axis].min(turned[axis]);
-            high[axis] = high[axis].max(turned[axis]);
-        }
-    }
+    let turned = |[x, y, z]: [f64; 3]| [cos * x + sin * y, cos * y - sin * x, z];
+    let [low, high] = extremes(rows.iter().map(|row| turned(means[*row as usize])));
     let [x, y, z] = [0, 1, 2].map(|axis| 0.5 * (low[axis] + high[axis]));
     let size = [0, 1, 2].map(|axis| high[axis] - low[axis]);
     ActorBox { centre: [cos * x - sin * y, sin * x + cos * y, z], size, yaw }

@@ -2,14 +2,14 @@
 
 use rayon::prelude::*;
 
-use super::AlignedSweep;
 use super::aligned::Aligned;
 use super::bodies::{Before, COARSE, FINE, Snippet};
-use super::evidence::{evident, heights, images, in_plan, places, standing};
+use super::evidence::{evident, heights, images, places, standing};
 use super::ground::Ground;
 use super::plan::Extent;
 use super::search::PlanarMotion;
 use super::shadow::Shadow;
+use super::{AlignedSweep, in_plan};
 
 /// Closeness at rest from which on a point is of no body of the coarse scale.
 const REST_CLOSENESS: f64 = 0.4;

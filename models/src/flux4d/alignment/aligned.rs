@@ -1,5 +1,6 @@
 //! Bodies of a snippet and the points that belong to them.
 
+use super::in_plan;
 use super::search::PlanarMotion;
 
 /// The motions of the points of all sweeps.
@@ -27,7 +28,7 @@ impl Aligned {
 
     /// Velocity and acceleration of a point of a sweep, metres and seconds; zero at rest.
     pub fn motion(&self, sweep: usize, point: usize, position: [f32; 3]) -> ([f64; 2], [f64; 2]) {
-        let at = [0, 1].map(|axis| f64::from(position[axis]));
-        self.of_point[sweep][point].map_or(([0.0; 2], [0.0; 2]), |body| self.bodies[sweep][body as usize].at(at))
+        let body = self.of_point[sweep][point].map(|body| &self.bodies[sweep][body as usize]);
+        body.map_or(([0.0; 2], [0.0; 2]), |body| body.at(in_plan(&position)))
     }
 }

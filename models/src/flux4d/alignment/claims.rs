@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use super::aligned::Aligned;
 use super::bodies::Snippet;
 use super::candidate::{Candidate, is_motion};
-use super::evidence::in_plan;
 use super::footprint::Footprint;
+use super::in_plan;
 use super::search::PlanarMotion;
 
 /// Heights of the points that belong to a body once it is found: from its wheels to the roof of a lorry. The road

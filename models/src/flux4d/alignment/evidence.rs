@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::AlignedSweep;
 use super::free_space::RangeImage;
 use super::ground::Ground;
+use super::{AlignedSweep, in_plan};
 
 /// Heights above the ground, metres, between which bodies are looked for: below is road and kerb, above are crowns of
 /// trees and bridges.
@@ -61,11 +61,6 @@ pub fn evident(sweeps: &[AlignedSweep], images: &[RangeImage], standing: &[Vec<u
         standing[sweep].par_iter().copied().filter(moved).collect()
     };
     (0..sweeps.len()).map(of_sweep).collect()
-}
-
-/// A point from above.
-pub fn in_plan(point: &[f32; 3]) -> [f64; 2] {
-    [0, 1].map(|axis| f64::from(point[axis]))
 }
 
 /// Some points of a sweep from above.

@@ -9,6 +9,9 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
+use super::groups::{self, Cell, around};
+use super::in_plan;
+
 /// Edge of a cell of the ground, metres: a slope of 10 % rises by the noise of a few LiDAR points over it.
 const CELL: f64 = 1.0;
 /// Cells to each side in which the ground is looked for: a car hides the ground 2 m around its middle.
@@ -36,7 +39,6 @@ const TERRAIN_AROUND: i32 = 4;
 /// a car is higher.
 const TERRAIN_HEIGHT: f32 = 0.4;
 
-type Cell = [i32; 2];
 type Heights = HashMap<Cell, f32>;
 
 /// Heights of the ground.
@@ -44,15 +46,7 @@ type Heights = HashMap<Cell, f32>;
 pub struct Ground(Heights);
 
 fn cell(point: &[f32; 3]) -> Cell {
-    cell_of([0, 1].map(|axis| f64::from(point[axis])))
-}
-
-fn cell_of(at: [f64; 2]) -> Cell {
-    at.map(|x| (x / CELL).floor() as i32)
-}
-
-fn around([x, y]: Cell, by: i32) -> impl Iterator<Item = Cell> {
-    (-by..=by).flat_map(move |dx| (-by..=by).map(move |dy| [x + dx, y + dy]))
+    groups::cell(&in_plan(point), CELL)
 }
 
 /// The height of each cell that few points lie below.
@@ -94,12 +88,12 @@ impl Ground {
 
     /// Height of the ground at a place, where it is known.
     pub fn at(&self, x: f64, y: f64) -> Option<f32> {
-        self.0.get(&cell_of([x, y])).copied()
+        self.0.get(&groups::cell(&[x, y], CELL)).copied()
     }
 
     /// Lowest known height of the ground around a place: a LiDAR sees no ground under its own vehicle.
     pub fn near(&self, x: f64, y: f64) -> Option<f32> {
-        let heights = around(cell_of([x, y]), PLANE_AROUND).filter_map(|cell| self.0.get(&cell).copied());
+        let heights = around(groups::cell(&[x, y], CELL), PLANE_AROUND).filter_map(|cell| self.0.get(&cell).copied());
         heights.min_by(f32::total_cmp)
     }
 

@@ -5,24 +5,40 @@ use std::collections::HashMap;
 /// Cells from the cell of a point to that of one of its group, at most.
 const JOIN_CELLS: i32 = 2;
 
-/// Points in groups: those whose cells of the edge `cell`, metres, are at most two apart. Groups are in the order of
-/// their first points.
-pub fn joined(points: &[[f64; 2]], cell: f64) -> Vec<Vec<[f64; 2]>> {
-    let cell = |point: &[f64; 2]| point.map(|x| (x / cell).floor() as i32);
-    let mut cells: HashMap<[i32; 2], Vec<usize>> = HashMap::new();
+/// A cell of a grid.
+pub type Cell = [i32; 2];
+
+/// The cell of a point, of cells of an edge, metres.
+pub fn cell(point: &[f64; 2], edge: f64) -> Cell {
+    point.map(|x| (x / edge).floor() as i32)
+}
+
+/// The points of each cell, ascending.
+pub fn cells(points: &[[f64; 2]], edge: f64) -> HashMap<Cell, Vec<usize>> {
+    let mut cells: HashMap<Cell, Vec<usize>> = HashMap::new();
     for (index, point) in points.iter().enumerate() {
-        cells.entry(cell(point)).or_default().push(index);
+        cells.entry(cell(point, edge)).or_default().push(index);
     }
+    cells
+}
+
+/// The cells up to `by` away from one along each axis, itself included.
+pub fn around([x, y]: Cell, by: i32) -> impl Iterator<Item = Cell> {
+    (-by..=by).flat_map(move |dx| (-by..=by).map(move |dy| [x + dx, y + dy]))
+}
+
+/// Points in groups: those whose cells of an edge, metres, are at most two apart. Groups are in the order of
+/// their first points.
+pub fn joined(points: &[[f64; 2]], edge: f64) -> Vec<Vec<[f64; 2]>> {
+    let mut cells = cells(points, edge);
     let (mut groups, mut stack) = (Vec::new(), Vec::new());
     for point in points {
         let mut group = Vec::new();
-        stack.push(cell(point));
-        while let Some([x, y]) = stack.pop() {
-            let Some(members) = cells.remove(&[x, y]) else { continue };
+        stack.push(cell(point, edge));
+        while let Some(at) = stack.pop() {
+            let Some(members) = cells.remove(&at) else { continue };
             group.extend(members);
-            let around =
-                (-JOIN_CELLS..=JOIN_CELLS).flat_map(|dx| (-JOIN_CELLS..=JOIN_CELLS).map(move |dy| [x + dx, y + dy]));
-            stack.extend(around.filter(|cell| cells.contains_key(cell)));
+            stack.extend(around(at, JOIN_CELLS).filter(|cell| cells.contains_key(cell)));
         }
         if !group.is_empty() {
             group.sort_unstable();

@@ -46,3 +46,8 @@ pub struct AlignedSweep<'a> {
     /// Position of the LiDAR, metres.
     pub origin: [f64; 3],
 }
+
+/// A point from above.
+fn in_plan(point: &[f32; 3]) -> [f64; 2] {
+    [0, 1].map(|axis| f64::from(point[axis]))
+}

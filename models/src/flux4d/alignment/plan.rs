@@ -3,7 +3,8 @@
 //! A surface is the points and the lines between neighbours. Without the lines, the beams that graze the side of a car
 //! are points a metre apart that keep their places before the LiDAR, and the side seems to move with the ego vehicle.
 
-use std::collections::HashMap;
+use super::groups::{around, cell, cells};
+use crate::flux4d::far::extremes;
 
 /// Edge of the cells of the plans, metres, and most of them along an axis.
 const CELL: f64 = 0.1;
@@ -30,13 +31,7 @@ pub struct Extent {
 impl Extent {
     /// Around points, with the smallest cells that suffice.
     pub fn of(points: impl Iterator<Item = [f64; 2]>) -> Self {
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for point in points {
-            for axis in 0..2 {
-                low[axis] = low[axis].min(point[axis]);
-                high[axis] = high[axis].max(point[axis]);
-            }
-        }
+        let [mut low, mut high] = extremes(points);
         if low[0] > high[0] {
             (low, high) = ([0.0; 2], [0.0; 2]);
         }
@@ -46,12 +41,25 @@ impl Extent {
         Self { low, cell, size: lengths.map(|length| ((length / cell) as usize + 1).min(CELLS_MAX + 1)) }
     }
 
-    /// Its lowest corner and its lengths, metres.
-    pub fn bounds(&self) -> ([f64; 2], [f64; 2]) {
-        (self.low, self.size.map(|cells| cells as f64 * self.cell))
+    /// The same places in larger cells, metres: of the edge `cell` or, where there would be more than `most` along an
+    /// axis, larger ones.
+    pub fn coarser(&self, cell: f64, most: f64) -> Self {
+        let lengths = self.size.map(|cells| cells as f64 * self.cell);
+        let cell = lengths.into_iter().fold(cell, |cell, length| cell.max(length / most));
+        Self { low: self.low, cell, size: lengths.map(|length| (length / cell).ceil() as usize) }
     }
 
-    fn place(&self, x: f64, y: f64) -> Option<usize> {
+    /// The middle of each cell, metres, in the order of their numbers.
+    pub fn middles(&self) -> impl Iterator<Item = [f64; 2]> {
+        let Self { low, cell, size } = *self;
+        (0..size[0] * size[1]).map(move |place| {
+            let [x, y] = [place % size[0], place / size[0]].map(|step| (step as f64 + 0.5) * cell);
+            [low[0] + x, low[1] + y]
+        })
+    }
+
+    /// The number of the cell of a place, if it is in one.
+    pub fn place(&self, x: f64, y: f64) -> Option<usize> {
         let (column, row) = ((x - self.low[0]) / self.cell, (y - self.low[1]) / self.cell);
         // Also refuses NaN.
         let inside = column >= 0.0 && row >= 0.0 && column < self.size[0] as f64 && row < self.size[1] as f64;
@@ -113,17 +121,11 @@ impl Plan {
 
 /// The lines from each point to the nearest in each direction.
 fn lines(points: &[[f64; 2]]) -> Vec<[[f64; 2]; 2]> {
-    let cell = |point: &[f64; 2]| point.map(|x| (x / LINE_MAX).floor() as i32);
-    let mut cells: HashMap<[i32; 2], Vec<usize>> = HashMap::new();
-    for (index, point) in points.iter().enumerate() {
-        cells.entry(cell(point)).or_default().push(index);
-    }
+    let cells = cells(points, LINE_MAX);
     let mut found = Vec::new();
     for from in points {
         let mut nearest: [(f64, Option<usize>); DIRECTIONS] = [(LINE_MAX, None); DIRECTIONS];
-        let [column, row] = cell(from);
-        let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| [column + dx, row + dy]));
-        for index in around.filter_map(|cell| cells.get(&cell)).flatten() {
+        for index in around(cell(from, LINE_MAX), 1).filter_map(|cell| cells.get(&cell)).flatten() {
             let [dx, dy] = [0, 1].map(|axis| points[*index][axis] - from[axis]);
             let distance = dx.hypot(dy);
             let turn = (dy.atan2(dx) / std::f64::consts::TAU).rem_euclid(1.0);

@@ -3,6 +3,7 @@
 use super::groups::middle;
 use super::plan::Plan;
 use super::shadow::Shadow;
+use crate::flux4d::far::extremes;
 
 /// Fastest motion that is looked for, metres per second: 144 km/h.
 const SPEED_MAX: f64 = 40.0;
@@ -182,11 +183,8 @@ fn bent(points: &[[f64; 2]], motion: PlanarMotion, others: &[Other], turns: bool
 }
 
 fn extent(points: &[[f64; 2]]) -> f64 {
-    let along = |axis: usize| {
-        let values = points.iter().map(|p| p[axis]);
-        values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
-    };
-    along(0).hypot(along(1))
+    let [low, high] = extremes(points.iter().copied());
+    (high[0] - low[0]).hypot(high[1] - low[1])
 }
 
 /// At most `most` points, evenly of the list.

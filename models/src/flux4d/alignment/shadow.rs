@@ -17,36 +17,26 @@ const HEIGHTS: [f32; 2] = [0.5, 1.2];
 /// The places of an extent that a sweep does not see.
 #[derive(Debug)]
 pub struct Shadow {
-    low: [f64; 2],
-    cell: f64,
-    size: [usize; 2],
+    grid: Extent,
     hidden: Vec<bool>,
 }
 
 impl Shadow {
     /// Of what a sweep's image shows, on the ground. Where the ground is unknown it is that under the LiDAR.
     pub fn new(image: &RangeImage, extent: Extent, ground: &Ground) -> Self {
-        let (low, lengths) = extent.bounds();
-        let cell = lengths.into_iter().fold(CELL, |cell, length| cell.max(length / CELLS_MAX));
-        let size = lengths.map(|length| (length / cell).ceil() as usize);
+        let grid = extent.coarser(CELL, CELLS_MAX);
         let [x, y, _] = image.origin();
         let under = ground.near(x, y);
-        let hides = |place: usize| {
-            let [x, y] = [place % size[0], place / size[0]].map(|step| (step as f64 + 0.5) * cell);
-            let [x, y] = [low[0] + x, low[1] + y];
+        let hides = |[x, y]: [f64; 2]| {
             let Some(height) = ground.at(x, y).or(under) else { return false };
             HEIGHTS.iter().all(|above| image.hides(&[x as f32, y as f32, height + above]))
         };
-        let hidden = (0..size[0] * size[1]).map(hides).collect();
-        Self { low, cell, size, hidden }
+        Self { grid, hidden: grid.middles().map(hides).collect() }
     }
 
     /// Whether the sweep does not see a place. What is beyond the extent is seen.
     pub fn hides(&self, [x, y]: [f64; 2]) -> bool {
-        let (column, row) = ((x - self.low[0]) / self.cell, (y - self.low[1]) / self.cell);
-        // Also refuses NaN.
-        let inside = column >= 0.0 && row >= 0.0 && column < self.size[0] as f64 && row < self.size[1] as f64;
-        inside && self.hidden[row as usize * self.size[0] + column as usize]
+        self.grid.place(x, y).is_some_and(|place| self.hidden[place])
     }
 
     /// Whether the sweep does not see most of some places.

@@ -35,7 +35,7 @@ impl DistanceGrid {
         if target.is_empty() {
             return Err(FluxError::TooFew { what: "the distance grid", needed: 1, found: 0 });
         }
-        let bounds = joined(Bounds::of(target), others);
+        let bounds = Bounds::of(target.iter().chain(others));
         let (cell, size) = fitting(&bounds, cell, most_cells);
         let low = bounds.low.map(|x| x - cell);
         let mut grid = Self { low, cell, size, distances: Vec::new() };
@@ -82,18 +82,6 @@ impl DistanceGrid {
         }
         (value, [0, 1, 2].map(|axis| slope[axis] / self.cell * inside[axis]))
     }
-}
-
-fn joined(mut bounds: Bounds, others: &[[f32; 3]]) -> Bounds {
-    if others.is_empty() {
-        return bounds;
-    }
-    let other = Bounds::of(others);
-    for axis in 0..3 {
-        bounds.low[axis] = bounds.low[axis].min(other.low[axis]);
-        bounds.high[axis] = bounds.high[axis].max(other.high[axis]);
-    }
-    bounds
 }
 
 /// The edge and the number of cells along each axis, padding included.

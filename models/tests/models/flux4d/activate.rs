@@ -5,7 +5,7 @@ use gs_burn::Gaussians;
 use gs_models::flux4d::activate::softplus;
 use gs_models::flux4d::{ScaleLimits, activate, activate_within};
 use gs_tests::devices::{everywhere, reference};
-use gs_tests::finite_differences::assert_derivative;
+use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_finite, assert_near, values};
 
@@ -27,11 +27,9 @@ fn gradients_are_differences() {
     // Scales inside the clamps on both sides, so that no difference crosses one.
     raw.chunks_mut(14).take(5).for_each(|row| row[7..10].iter_mut().for_each(|s| *s = s.abs().mul_add(-2.0, 0.3)));
     let limits = ScaleLimits { near: 1.0, sky: 30.0, sky_rows: 3 };
-    let leaf = place.leaf(&raw, [8, 14]);
-    let gradients = mixture(&activate_within(leaf.clone(), &limits)).backward();
-    let gradient = values(&leaf.grad(&gradients).expect("a gradient"));
-    let f = |raw: &[f64]| values(&mixture(&activate_within(place.tensor(raw, [8, 14]), &limits)))[0];
-    assert_derivative("raw", &raw, &gradient, 112, f);
+    assert_derivatives("activation", place, [("raw", &raw)], 112, |[raw]| {
+        mixture(&activate_within(raw.reshape([8, 14]), &limits))
+    });
 }
 
 #[test]

@@ -7,7 +7,7 @@ use gs_burn::glam::DMat4;
 use gs_models::flux4d::losses::LossConfig;
 use gs_models::flux4d::{PolynomialMotion, ScaleLimits, SnippetFrame, TargetView};
 use gs_tests::devices::{Place, reference};
-use gs_tests::finite_differences::assert_derivative;
+use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_near, values};
 
@@ -50,16 +50,8 @@ fn gradients_are_differences() {
     let (raw, velocity) = scene();
     let config = LossConfig { reweight_clip: 0.0, depth: 0.1, velocity: 0.1, ..LossConfig::default() };
     let (frame, views) = (frame(place), [view(place, 0.3, 1), view(place, 1.2, 1)]);
-    let loss = |raw: Tensor<2>, velocity: Tensor<2>| frame.loss(raw, velocity, &views, &config);
-    let (r, v) = (place.leaf(&raw, [ROWS, 14]), place.leaf(&velocity, [ROWS, 6]));
-    let gradients = loss(r.clone(), v.clone()).backward();
-    let of_raw = values(&r.grad(&gradients).expect("a gradient"));
-    assert_derivative("raw", &raw, &of_raw, 40, |x| {
-        values(&loss(place.tensor(x, [ROWS, 14]), place.tensor(&velocity, [ROWS, 6])))[0]
-    });
-    let of_velocity = values(&v.grad(&gradients).expect("a gradient"));
-    assert_derivative("velocity", &velocity, &of_velocity, 36, |x| {
-        values(&loss(place.tensor(&raw, [ROWS, 14]), place.tensor(x, [ROWS, 6])))[0]
+    assert_derivatives("loss", place, [("raw", &raw), ("velocity", &velocity)], 40, |[raw, velocity]| {
+        frame.loss(raw.reshape([ROWS, 14]), velocity.reshape([ROWS, 6]), &views, &config)
     });
 }
 

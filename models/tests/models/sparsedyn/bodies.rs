@@ -1,13 +1,13 @@
 //! Bodies as a module against their poses on the host, and their gradients.
 
-use burn::module::{Module, Param};
+use burn::module::{Module, Param, ParamId};
 use burn::tensor::{Int, Tensor, TensorData};
 use gs_burn::glam::{DQuat, DVec3};
 use gs_burn::map_parameters;
 use gs_models::sparsedyn::bodies::law::NUMBERS;
 use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, Law, LawValues};
 use gs_tests::devices::{Place, everywhere, reference};
-use gs_tests::finite_differences::assert_derivative;
+use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_near, values};
 
@@ -78,33 +78,23 @@ fn gaussians_follow_their_bodies_poses() {
 fn gradients_by_numbers_corrections_and_positions_are_right() {
     let place = reference();
     let knots = 6;
-    let plain = bodies(place, knots);
+    let plain = bodies(place, knots).train();
     let count = plain.len();
     let at = Random::new(8).values(3 * count, -1.0, 1.0);
-    let pulls = [
-        place.tensor(&Random::new(9).values(3 * count, -1.0, 1.0), [count, 3]),
-        place.tensor(&Random::new(10).values(4 * count, -1.0, 1.0), [count, 4]),
-    ];
-    let loss = |bodies: &Bodies, positions: &Tensor<2>, pulls: &[Tensor<2>; 2]| {
-        let state = bodies.states(positions, &labels(place, count), 0.6);
-        (state.positions * pulls[0].clone()).sum() + (state.turns * pulls[1].clone()).sum()
+    let pull = |seed, columns| {
+        place.tensor(&Random::new(seed).values(columns * count, -1.0, 1.0), [count, columns]).autodiff()
     };
-    let tracked = plain.clone().train();
-    let leaf = place.leaf(&at, [count, 3]);
-    let graph = loss(&tracked, &leaf, &pulls.clone().map(Tensor::autodiff)).backward();
-    let of = |tensor: &Tensor<2>| values(&tensor.grad(&graph).expect("tracked"));
-    let positions = place.tensor(&at, [count, 3]);
-    assert_derivative("positions", &at, &of(&leaf), 20, |x| {
-        values(&loss(&plain, &place.tensor(x, [count, 3]), &pulls))[0]
-    });
-    let numbers = values(&plain.numbers.val());
-    assert_derivative("numbers", &numbers, &of(&tracked.numbers.val()), 120, |x| {
-        let numbers = Param::from_tensor(place.tensor(x, [count, NUMBERS]));
-        values(&loss(&Bodies { numbers, ..plain.clone() }, &positions, &pulls))[0]
-    });
-    let corrections = values(&plain.corrections.val());
-    assert_derivative("corrections", &corrections, &of(&tracked.corrections.val()), 80, |x| {
-        let corrections = Param::from_tensor(place.tensor(x, [count, 6 * knots]));
-        values(&loss(&Bodies { corrections, ..plain.clone() }, &positions, &pulls))[0]
+    let pulls = (pull(9, 3), pull(10, 4));
+    let (numbers, corrections) = (values(&plain.numbers.val()), values(&plain.corrections.val()));
+    let arguments: [(&str, &[f64]); 3] = [("positions", &at), ("numbers", &numbers), ("corrections", &corrections)];
+    assert_derivatives("bodies", place, arguments, 120, |[positions, numbers, corrections]| {
+        let numbers = Param::initialized(ParamId::new(), numbers.reshape([count, NUMBERS]));
+        let corrections = Param::initialized(ParamId::new(), corrections.reshape([count, 6 * knots]));
+        let state = Bodies { numbers, corrections, ..plain.clone() }.states(
+            &positions.reshape([count, 3]),
+            &labels(place, count),
+            0.6,
+        );
+        (state.positions * pulls.0.clone()).sum() + (state.turns * pulls.1.clone()).sum()
     });
 }

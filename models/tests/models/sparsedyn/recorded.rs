@@ -14,8 +14,8 @@ fn the_gradient_is_that_of_stored_activations() {
     let place = reference();
     let before = start(place, 4);
     let mut random = Random::new(11);
-    // Grid points, times between them, the start itself, a time twice, and none in order.
-    let times = [0.9, 0.25, 0.25 + 5.0 / 30.0, 0.33, 0.9, 0.41];
+    // Grid points, times between them, the start itself, a time twice, and none in order; the latest is 30 steps away.
+    let times = [0.9, 0.25, 0.25 + 5.0 / 30.0, 0.33, 1.25, 0.9, 0.41];
     let gradients: Vec<State> = times
         .iter()
         .map(|_| State {

@@ -2,7 +2,7 @@
 
 use gs_models::sparsedyn::{Ask, DynamicsFieldConfig, Integrator, Rollout, RolloutOptions, State};
 use gs_tests::devices::{everywhere, reference};
-use gs_tests::finite_differences::assert_derivative;
+use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::tolerance::{assert_near, values};
 
 use super::{CENTRE, random_field, start};
@@ -74,13 +74,9 @@ fn the_gradient_of_five_steps_is_right() {
         for integrator in [Integrator::Rk2, Integrator::Rk4, Integrator::Screw] {
             let rollout = Rollout { field: &field, options: options(ask, integrator) };
             let time = 0.25 + 4.4 / 30.0;
-            let leaf = place.leaf(&at, [3, 3]);
-            let state = rollout.states(&State::at_rest(leaf.clone()), &[time]).remove(0);
-            let gradients = (state.positions * pull.clone().autodiff()).sum().backward();
-            let gradient = values(&leaf.grad(&gradients).expect("tracked"));
-            assert_derivative(&format!("{ask:?} {integrator:?}"), &at, &gradient, 9, |x| {
-                let state = rollout.states(&State::at_rest(place.tensor(x, [3, 3])), &[time]).remove(0);
-                values(&(state.positions * pull.clone()).sum())[0]
+            assert_derivatives(&format!("{ask:?} {integrator:?}"), place, [("positions", &at)], 9, |[at]| {
+                let state = rollout.states(&State::at_rest(at.reshape([3, 3])), &[time]).remove(0);
+                (state.positions * pull.clone().autodiff()).sum()
             });
         }
     }

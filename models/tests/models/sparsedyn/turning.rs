@@ -3,7 +3,7 @@
 use gs_burn::glam::{DQuat, DVec3};
 use gs_models::sparsedyn::turning::Factors;
 use gs_tests::devices::{doubles, everywhere, reference};
-use gs_tests::finite_differences::assert_derivative;
+use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_finite, assert_near, values};
 
@@ -51,21 +51,12 @@ fn gradients_are_right_on_both_sides_of_the_series() {
     let mut random = Random::new(3);
     for size in [1e-3, 0.2, 0.6, 3.0] {
         let at = random.values(12, -size, size);
-        let u = place.tensor(&random.values(12, -1.0, 1.0), [4, 3]);
-        let pull = place.tensor(&random.values(12, -1.0, 1.0), [4, 3]);
-        let leaf = place.leaf(&at, [4, 3]);
-        let sum = |rotation: burn::tensor::Tensor<2>| {
+        let [u, pull] = [(); 2].map(|()| place.tensor(&random.values(12, -1.0, 1.0), [4, 3]).autodiff());
+        assert_derivatives(&format!("size {size}"), place, [("rotation vector", &at)], 12, |[at]| {
+            let rotation = at.reshape([4, 3]);
             let factors = Factors::of(&rotation);
             ((factors.turned_by(&rotation, &u) + factors.integrated(&rotation, &u)) * pull.clone()).sum()
-        };
-        let tracked = {
-            let (u, pull) = (u.clone().autodiff(), pull.clone().autodiff());
-            let factors = Factors::of(&leaf);
-            ((factors.turned_by(&leaf, &u) + factors.integrated(&leaf, &u)) * pull).sum()
-        };
-        let gradients = tracked.backward();
-        let gradient = values(&leaf.grad(&gradients).expect("tracked"));
-        assert_derivative("rotation vector", &at, &gradient, 12, |x| values(&sum(place.tensor(x, [4, 3])))[0]);
+        });
     }
     for place in everywhere() {
         for size in [0.0, 1e-30, 1e-12, 1e-4, 1e3] {

@@ -6,7 +6,7 @@ use gs_burn::glam::{DMat3, DQuat, DVec3};
 use gs_models::Pixels;
 use gs_models::taylormode::blur_path::{NEAREST, back_project, blur_path, camera_velocity, hybrid_depth, to_world};
 use gs_tests::devices::{Place, doubles, everywhere, reference};
-use gs_tests::finite_differences::assert_derivative;
+use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_finite, assert_near, values};
 
@@ -93,26 +93,12 @@ fn gradients_are_derivatives() {
     let place = reference();
     let mut random = Random::new(3);
     let pixels = Pixels::all(3, 2, &place.device);
-    let inputs = [random.values(6, 2.0, 4.0), random.values(18, -1.0, 1.0), vec![-0.2, 0.05, 0.3]];
+    let (depth, velocity) = (random.values(6, 2.0, 4.0), random.values(18, -1.0, 1.0));
     let pull = place.tensor(&random.values(36, -1.0, 1.0), [3, 6, 2]);
-    let sum = |depth: Tensor<2>, velocity: Tensor<2>, offsets: Tensor<1>| {
-        (blur_path(&pixels, depth, velocity, &CAMERA, offsets) * pull.clone()).sum()
-    };
-    let (depth, velocity) = (place.leaf(&inputs[0], [6, 1]), place.leaf(&inputs[1], [6, 3]));
-    let offsets = place.leaf(&inputs[2], [3]);
-    let gradients = sum(depth.clone(), velocity.clone(), offsets.clone()).backward();
-    let found = [
-        values(&depth.grad(&gradients).expect("tracked")),
-        values(&velocity.grad(&gradients).expect("tracked")),
-        values(&offsets.grad(&gradients).expect("tracked")),
-    ];
-    for (i, name) in ["depth", "velocity", "offsets"].into_iter().enumerate() {
-        assert_derivative(name, &inputs[i], &found[i], inputs[i].len(), |x| {
-            let mut at = inputs.clone();
-            at[i] = x.to_vec();
-            values(&sum(place.tensor(&at[0], [6, 1]), place.tensor(&at[1], [6, 3]), place.tensor(&at[2], [3])))[0]
-        });
-    }
+    let arguments: [(&str, &[f64]); 3] = [("depth", &depth), ("velocity", &velocity), ("offsets", &[-0.2, 0.05, 0.3])];
+    assert_derivatives("path", place, arguments, 18, |[depth, velocity, offsets]| {
+        (blur_path(&pixels, depth.reshape([6, 1]), velocity.reshape([6, 3]), &CAMERA, offsets) * pull.clone()).sum()
+    });
 }
 
 #[test]

@@ -1,13 +1,20 @@
 //! Eq. 2 and 3: identity at t0, order of accuracy, velocity, known trajectories recovered.
 
 use burn::tensor::Tensor;
+use gs_burn::Gaussians;
 use gs_models::taylormode::{Paths, RemainderFrame, TimeWindow};
 use gs_tests::devices::{doubles, everywhere, reference};
-use gs_tests::finite_differences::assert_derivative;
+use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_near, largest, values};
 
 use crate::{WINDOW, gaussians, log_slope, paths, randomised, rows, standing};
+
+/// Centres and orientations of the moving rows at one time.
+fn sampled(paths: &Paths, still: &Gaussians, t: f64) -> (Tensor<2>, Tensor<2>) {
+    let samples = paths.samples(&still.means.val(), &still.quats.val(), &vec![t].into());
+    (samples.means, samples.quats)
+}
 
 #[test]
 fn nothing_has_moved_at_t0() {
@@ -22,7 +29,7 @@ fn nothing_has_moved_at_t0() {
         ] {
             assert!(a.iter().zip(&b).all(|(a, b)| a.to_bits() == b.to_bits()), "{}: {what} at t0", place.name);
         }
-        let (means, _) = paths.sample_rows(&still.means.val(), &still.quats.val(), WINDOW.t0);
+        let (means, _) = sampled(&paths, &still, WINDOW.t0);
         let stored = still.means.val().select(0, paths.rows.clone());
         assert_eq!(values(&means), values(&stored), "{}: sampled at t0", place.name);
     }
@@ -49,7 +56,7 @@ fn rows_that_are_not_listed_stay() {
             assert_eq!(velocities[i], expected.1, "velocity of row {row} axis {axis}");
         }
     }
-    let (means, quats) = paths.sample_rows(&still.means.val(), &still.quats.val(), t);
+    let (means, quats) = sampled(&paths, &still, t);
     assert_eq!(values(&means), values(&moved.means.val().select(0, paths.rows.clone())));
     assert_eq!(values(&quats), values(&moved.quats.val().select(0, paths.rows.clone())));
 }
@@ -116,26 +123,16 @@ fn gradients_reach_coefficients_and_gaussians() {
     let base = paths(place, &mut random);
     let pull = [random.values(18, -1.0, 1.0), random.values(24, -1.0, 1.0), random.values(18, -1.0, 1.0)];
     let t = 0.57;
-    let loss = |position: Tensor<2>, rotation: Tensor<2>, means: Tensor<2>, quats: Tensor<2>| -> Tensor<1> {
+    let (position, rotation) = (values(&base.position), values(&base.rotation));
+    let arguments: [(&str, &[f64]); 4] =
+        [("position", &position), ("rotation", &rotation), ("means", &means), ("quats", &quats)];
+    assert_derivatives("paths", place, arguments, 30, |[position, rotation, means, quats]| {
+        let (position, rotation) = (position.reshape([3, 9]), rotation.reshape([3, 6]));
         let paths = Paths { position, rotation, ..base.clone() };
-        (paths.means_at(means, t) * place.tensor(&pull[0], [6, 3])).sum()
-            + (paths.quats_at(quats, t).square() * place.tensor(&pull[1], [6, 4])).sum()
+        (paths.means_at(means.reshape([6, 3]), t) * place.tensor(&pull[0], [6, 3])).sum()
+            + (paths.quats_at(quats.reshape([6, 4]), t).square() * place.tensor(&pull[1], [6, 4])).sum()
             + (paths.velocities(6, t) * place.tensor(&pull[2], [6, 3])).sum()
-    };
-    let inputs = [values(&base.position), values(&base.rotation), means, quats];
-    let shapes = [[3, 9], [3, 6], [6, 3], [6, 4]];
-    let [a, b, c, d] = [0, 1, 2, 3].map(|i| place.leaf(&inputs[i], shapes[i]));
-    let gradients = loss(a.clone(), b.clone(), c.clone(), d.clone()).backward();
-    for (i, leaf) in [a, b, c, d].into_iter().enumerate() {
-        let gradient = values(&leaf.grad(&gradients).expect("tracked"));
-        let name = ["position", "rotation", "means", "quats"][i];
-        assert_derivative(name, &inputs[i], &gradient, 30, |x| {
-            let mut moved = inputs.clone();
-            moved[i] = x.to_vec();
-            let [a, b, c, d] = [0, 1, 2, 3].map(|i| place.tensor(&moved[i], shapes[i]));
-            values(&loss(a, b, c, d))[0]
-        });
-    }
+    });
 }
 
 /// A cubic path and an accelerating turn, from where three points on the Gaussian's axes are at 16 times.
@@ -154,7 +151,7 @@ fn known_trajectories_are_recovered() {
         let still = gaussians(place, &mut random);
         let times: Vec<f64> = (0..16).map(|i| WINDOW.t0 + WINDOW.half * ((f64::from(i) + 0.5) / 8.0 - 1.0)).collect();
         let seen = |paths: &Paths, t: f64| {
-            let (means, quats) = paths.sample_rows(&still.means.val(), &still.quats.val(), t);
+            let (means, quats) = sampled(paths, &still, t);
             Tensor::cat(vec![means, quats], 1)
         };
         let targets: Vec<Tensor<2>> = times.iter().map(|t| seen(&of(&truth), *t)).collect();
@@ -187,7 +184,7 @@ fn nothing_that_moves_is_no_special_case() {
         let none = standing(place, &[]);
         assert_eq!(values(&none.means_at(still.means.val(), 0.6)), values(&still.means.val()));
         assert_eq!(values(&none.velocities(6, 0.6)).len(), 18);
-        let (means, quats) = none.sample_rows(&still.means.val(), &still.quats.val(), 0.6);
+        let (means, quats) = sampled(&none, &still, 0.6);
         assert_eq!([means.dims(), quats.dims()], [[0, 3], [0, 4]], "{}", place.name);
         let flat = standing(place, &[0, 5]);
         assert_eq!(flat.displacement(0.6).dims(), [2, 3]);

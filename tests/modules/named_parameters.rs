@@ -1,6 +1,16 @@
-use super::*;
-use crate::testing::{Random, Scene, values};
-use crate::{Gaussians, RowMap};
+//! `gs_burn::named_parameters`.
+
+use burn::module::{Module, Param};
+use burn::tensor::Tensor;
+use gs_burn::named_parameters::all_finite;
+use gs_burn::{
+    Gaussians, NamedGradients, RowMap, map_parameters, named_parameters, parameter_bytes, try_map_parameters,
+};
+use gs_tests::devices::reference;
+use gs_tests::scenes::Random;
+use gs_tests::tolerance::values;
+
+use super::gaussians;
 
 #[derive(Module, Debug)]
 struct Inner {
@@ -18,11 +28,11 @@ struct Model {
 
 /// Three Gaussians and two matrices, outside autodiff.
 fn model() -> Model {
-    let mut random = Random(5);
-    let mut weight = |shape| Param::from_tensor(random.tensor(shape, -1.0, 1.0).inner());
+    let (mut random, place) = (Random::new(5), reference());
+    let mut weight = |shape| Param::from_tensor(random.leaf(place, shape, -1.0, 1.0).inner());
     let weights = vec![weight([2, 4]), weight([4, 1])];
-    let inner = Inner { weights, constant: Tensor::ones([2], &crate::testing::device()), unit: 2.0 };
-    Model { gaussians: Scene::random(3, 1, 4).gaussians().valid(), inner: Some(inner), none: None }
+    let inner = Inner { weights, constant: Tensor::ones([2], &place.device.clone().autodiff()), unit: 2.0 };
+    Model { gaussians: gaussians(3), inner: Some(inner), none: None }
 }
 
 const PATHS: [&str; 7] = [
