@@ -92,6 +92,19 @@ pub(crate) fn off_photo_warning(scene: &Path, views: &[&str]) -> Option<String> 
 }
 
 impl Lens {
+    /// A lens whose values are all given: fx, fy, cx and cy in pixels of a photo of `size`.
+    pub fn of([fx, fy, cx, cy]: [f64; 4], size: (f64, f64), distortion: Distortion) -> Self {
+        Self {
+            focal_x: Some(Focal::Pixels(fx)),
+            focal_y: Some(Focal::Pixels(fy)),
+            cx: Some(cx),
+            cy: Some(cy),
+            width: Some(size.0),
+            height: Some(size.1),
+            distortion,
+        }
+    }
+
     /// The size the file declares; a side it leaves out follows from the image's proportions.
     fn declared_size(&self, actual: (u32, u32)) -> (f64, f64) {
         let (w, h) = (f64::from(actual.0), f64::from(actual.1));

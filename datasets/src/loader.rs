@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gs_base::statistics::range;
-use gs_base::{agree, counted};
+use gs_base::{clause, counted};
 use rayon::prelude::*;
 
 use crate::camera_path;
@@ -103,11 +103,10 @@ fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
     let rescaled: Vec<&ViewNote> = notes.iter().filter(|note| note.rescaled.is_some()).collect();
     if let Some(ViewNote { name, rescaled: Some(declared), size: actual, .. }) = rescaled.first() {
         findings.warn(format!(
-            "{}: {} {} images of another size than their intrinsics, which were rescaled ({name}: declared {} x {}, \
+            "{}: {} images of another size than their intrinsics, which were rescaled ({name}: declared {} x {}, \
              found {} x {})",
             path.display(),
-            counted(rescaled.len(), "view"),
-            agree(rescaled.len(), "has", "have"),
+            clause(rescaled.len(), "view", "has", "have"),
             declared.0,
             declared.1,
             actual.0,

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use gs_base::{agree, counted, printable};
+use gs_base::{agree, clause, counted, printable};
 use gs_datasets::{DatasetError, FrameSource};
 use rayon::prelude::*;
 
@@ -210,11 +210,13 @@ fn describe_sweeps(log: &DrivingLog, report: &mut DrivingReport) {
     });
     let left_out: usize = good.iter().map(|note| note.left_out).sum();
     if left_out > 0 {
-        report.warnings.push(format!("{} not finite or too far away and left out", subject(left_out, "point")));
+        report
+            .warnings
+            .push(format!("{} not finite or too far away and left out", clause(left_out, "point", "is", "are")));
     }
     let empty = good.iter().filter(|note| note.points == 0).count();
     if empty > 0 {
-        report.warnings.push(format!("{} without a point", subject(empty, "sweep")));
+        report.warnings.push(format!("{} without a point", clause(empty, "sweep", "is", "are")));
     }
     let seen: Vec<f64> = good.iter().filter_map(|note| note.seen).collect();
     if !seen.is_empty() {
@@ -230,10 +232,6 @@ fn describe_sweeps(log: &DrivingLog, report: &mut DrivingReport) {
                 .push("no LiDAR point falls into any image: the calibration or the poses are wrong".to_string());
         }
     }
-}
-
-fn subject(count: usize, noun: &str) -> String {
-    format!("{} {}", counted(count, noun), agree(count, "is", "are"))
 }
 
 fn note(log: &DrivingLog, frame: usize, sweep: &Sweep) -> SweepNote {

@@ -1,6 +1,6 @@
 //! Facts and mistakes that show when every image, mask and prior is decoded.
 
-use gs_base::{agree, counted};
+use gs_base::{agree, clause, counted};
 use rayon::prelude::*;
 
 use super::CheckReport;
@@ -46,11 +46,7 @@ pub(super) fn describe(
     for ((width, height), count) in sizes.iter().take(5) {
         let (w, h) = decoder.target((*width, *height));
         let loaded = if (w, h) == (*width, *height) { String::new() } else { format!(", loaded at {w} x {h}") };
-        report.facts.push(format!(
-            "{} {} {width} x {height} pixels{loaded}.",
-            counted(*count, "image"),
-            agree(*count, "is", "are")
-        ));
+        report.facts.push(format!("{} {width} x {height} pixels{loaded}.", clause(*count, "image", "is", "are")));
     }
     if sizes.len() > 5 {
         report.facts.push(format!(
@@ -62,10 +58,9 @@ pub(super) fn describe(
     let turned: Vec<&str> = decoded.iter().filter(|value| value.is_turned).map(|value| value.name.as_str()).collect();
     if !turned.is_empty() {
         report.facts.push(format!(
-            "{} {} an EXIF orientation, which is not applied: poses and intrinsics must be of the pixels as they are \
+            "{} an EXIF orientation, which is not applied: poses and intrinsics must be of the pixels as they are \
              stored, and those of COLMAP are ({}).",
-            counted(turned.len(), "image"),
-            agree(turned.len(), "has", "have"),
+            clause(turned.len(), "image", "has", "have"),
             some_names(&turned)
         ));
     }
@@ -97,15 +92,11 @@ pub(super) fn describe(
     let distorted = frames.iter().filter(|(frame, _)| !frame.lens.distortion.is_none()).count();
     report.facts.push(match distorted {
         0 => "No lens distortion is declared.".to_string(),
-        _ => format!(
-            "{} {} a lens distortion, which is removed at load.",
-            counted(distorted, "image"),
-            agree(distorted, "has", "have")
-        ),
+        _ => format!("{} a lens distortion, which is removed at load.", clause(distorted, "image", "has", "have")),
     });
     let masked = frames.iter().filter(|(frame, _)| !frame.masks.is_empty()).count();
     if masked > 0 {
-        report.facts.push(format!("{} {} masks.", counted(masked, "image"), agree(masked, "has", "have")));
+        report.facts.push(format!("{} masks.", clause(masked, "image", "has", "have")));
     }
     report.blank = decoded.iter().filter(|value| value.is_blank).count();
     let shares = decoded.iter().filter_map(|value| value.masked).collect();

@@ -8,7 +8,7 @@ mod report;
 use std::path::Path;
 
 use gs_base::sentence::position;
-use gs_base::{agree, counted, mean, printable};
+use gs_base::{agree, clause, counted, mean, printable};
 
 use crate::consistency;
 use crate::description::{Description, check_options};
@@ -113,7 +113,7 @@ fn fill(
     let held_out: Vec<&RawFrame> = plan.held_out_frames().map(|index| &frames[index]).collect();
     report.train = train.len();
     report.held_out = plan.held_out.iter().map(|(name, list)| (name.clone(), list.len())).collect();
-    let training = format!("{} {}", counted(report.train, "view"), agree(report.train, "trains", "train"));
+    let training = format!("{}", clause(report.train, "view", "trains", "train"));
     report.facts.push(match held_out.len() {
         0 => format!("{training}, none is held out: {}.", plan.rule),
         count => {
@@ -159,9 +159,8 @@ fn describe_times(frames: &[RawFrame], report: &mut CheckReport) {
         format!(" by {} ({})", counted(cameras.len(), "camera"), some_names(&cameras))
     };
     report.facts.push(format!(
-        "{} {} a time, {} different {} from {low} to {high}{by}.",
-        counted(times.len(), "view"),
-        agree(times.len(), "has", "have"),
+        "{} a time, {} different {} from {low} to {high}{by}.",
+        clause(times.len(), "view", "has", "have"),
         sorted.len(),
         agree(sorted.len(), "one", "ones")
     ));

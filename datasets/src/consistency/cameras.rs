@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DMat3, DMat4, DVec3};
-use gs_base::{agree, counted, mean, median};
+use gs_base::{agree, clause, mean, median};
 
 use crate::findings::Findings;
 use crate::lens::{Focal, Lens};
@@ -116,11 +116,10 @@ pub(super) fn find_strays(frames: &[RawFrame], scene: &Path, findings: &mut Find
         names.into_iter().zip(strays(&positions)).filter(|(_, stray)| *stray).map(|(name, _)| name).collect();
     if !strays.is_empty() {
         findings.warn(format!(
-            "{}: {} {} more than {STRAY} times as far out as three quarters of all do ({}); are their poses right? \
+            "{}: {} more than {STRAY} times as far out as three quarters of all do ({}); are their poses right? \
              The scene's extent, by which rates and thresholds go, is that of the others",
             scene.display(),
-            counted(strays.len(), "camera"),
-            agree(strays.len(), "stands", "stand"),
+            clause(strays.len(), "camera", "stands", "stand"),
             some_names(&strays)
         ));
     }
@@ -154,27 +153,24 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
     let scene_name = scene.display();
     if !moved.is_empty() {
         findings.warn(format!(
-            "{scene_name}: {} {} pose over time ({}); blur from their own motion is not modelled, and what moves \
+            "{scene_name}: {} pose over time ({}); blur from their own motion is not modelled, and what moves \
              cannot be told from their photos alone",
-            counted(moved.len(), "camera"),
-            agree(moved.len(), "changes its", "change their"),
+            clause(moved.len(), "camera", "changes its", "change their"),
             some_names(&moved)
         ));
     }
     if !zoomed.is_empty() {
         findings.warn(format!(
-            "{scene_name}: {} {} intrinsics over time ({})",
-            counted(zoomed.len(), "camera"),
-            agree(zoomed.len(), "changes its", "change their"),
+            "{scene_name}: {} intrinsics over time ({})",
+            clause(zoomed.len(), "camera", "changes its", "change their"),
             some_names(&zoomed)
         ));
     }
     if !disagree.is_empty() {
         findings.warn(format!(
-            "{scene_name}: {} {} another pose or other intrinsics in the test set than in the training set ({}); \
+            "{scene_name}: {} another pose or other intrinsics in the test set than in the training set ({}); \
              figures on them will be low",
-            counted(disagree.len(), "camera"),
-            agree(disagree.len(), "has", "have"),
+            clause(disagree.len(), "camera", "has", "have"),
             some_names(&disagree)
         ));
     }
@@ -211,11 +207,10 @@ fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
         let names: Vec<&str> = test.iter().copied().filter(strange).map(|frame| frame.name.as_str()).collect();
         if !names.is_empty() {
             findings.warn(format!(
-                "{}: {} {} back on what all training cameras look at, or {} more than {FAR_RATIO} times nearer or \
+                "{}: {} back on what all training cameras look at, or {} more than {FAR_RATIO} times nearer or \
                  farther ({}); do both sets use one world and one convention?",
                 scene.display(),
-                counted(names.len(), "held-out view"),
-                agree(names.len(), "turns its", "turn their"),
+                clause(names.len(), "held-out view", "turns its", "turn their"),
                 agree(names.len(), "stands", "stand"),
                 some_names(&names)
             ));

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use gs_base::{agree, counted, median};
+use gs_base::{agree, clause, counted, median};
 
 use super::cameras::{same_pose, spread};
 use crate::findings::Findings;
@@ -64,10 +64,9 @@ pub(super) fn drop_repeats(frames: &mut Vec<RawFrame>, scene: &Path, findings: &
     let mut drop = drop.into_iter();
     frames.retain(|_| !drop.next().unwrap_or(false));
     findings.warn(format!(
-        "{}: times repeat: {} {} the camera and time of an earlier one and {} left out ({})",
+        "{}: times repeat: {} the camera and time of an earlier one and {} left out ({})",
         scene.display(),
-        counted(pairs.len(), "photo"),
-        agree(pairs.len(), "has", "have"),
+        clause(pairs.len(), "photo", "has", "have"),
         agree(pairs.len(), "is", "are"),
         some_names(&pairs)
     ));

@@ -3,7 +3,7 @@
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use gs_base::{agree, counted};
+use gs_base::{agree, clause, counted};
 
 use super::renamed::Renamed;
 use crate::findings::Findings;
@@ -108,10 +108,9 @@ impl<'a> Lookup<'a> {
     pub fn warn(&self, file: &Path, hint: &str, findings: &mut Findings) {
         if !self.elsewhere.is_empty() {
             findings.warn(format!(
-                "{}: {} {} found under another name below {} ({})",
+                "{}: {} found under another name below {} ({})",
                 file.display(),
-                counted(self.elsewhere.len(), "photo"),
-                agree(self.elsewhere.len(), "was", "were"),
+                clause(self.elsewhere.len(), "photo", "was", "were"),
                 self.root.display(),
                 some_names(&self.elsewhere)
             ));

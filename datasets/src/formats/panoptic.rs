@@ -11,14 +11,15 @@
 use std::path::{Path, PathBuf};
 
 use gs_base::sentence::number;
-use gs_base::{agree, counted, guarded, printable};
+use gs_base::{agree, clause, counted, guarded, printable};
 use serde_json::{Map, Value};
 
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::findings::Findings;
+use crate::folder::folder_of;
 use crate::formats::json::{self, Keys};
-use crate::lens::{Focal, Lens};
+use crate::lens::Lens;
 use crate::mask::{MaskFile, White};
 use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
@@ -62,8 +63,7 @@ pub(crate) fn find_named(path: &Path) -> Option<MetaFiles> {
     if path.file_name()? != TRAIN_FILE || !path.exists() {
         return None;
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    find(folder)
+    find(folder_of(path))
 }
 
 /// Reads the description of a set.
@@ -93,27 +93,21 @@ pub(crate) fn read(
                 };
                 let (masks, sides) = masks(files, &name, options);
                 frames.push(RawFrame {
-                    name,
-                    image_path,
-                    c2w,
-                    lens: meta.lens(shot.k),
                     time: Some(t as f64 / last as f64),
                     camera_id: Some(shot.camera.clone()),
                     masks,
-                    exposure: None,
                     sides,
                     split: (files.files.len() > 1).then(|| split.clone()),
-                    file: file.clone(),
+                    ..RawFrame::posed(name, image_path, c2w, meta.lens(shot.k), file.clone())
                 });
             }
         }
     }
     if !missing.is_empty() {
         findings.warn(format!(
-            "{}: {} {} not exist; {} left out ({})",
+            "{}: {} not exist; {} left out ({})",
             files.scene.display(),
-            counted(missing.len(), "image"),
-            agree(missing.len(), "does", "do"),
+            clause(missing.len(), "image", "does", "do"),
             agree(missing.len(), "its frame was", "their frames were"),
             some_names(&missing)
         ));
@@ -226,15 +220,7 @@ impl<'a> Meta<'a> {
     }
 
     fn lens(&self, k: [[f64; 3]; 3]) -> Lens {
-        Lens {
-            focal_x: Some(Focal::Pixels(k[0][0])),
-            focal_y: Some(Focal::Pixels(k[1][1])),
-            cx: Some(k[0][2]),
-            cy: Some(k[1][2]),
-            width: Some(self.width),
-            height: Some(self.height),
-            distortion: Distortion::default(),
-        }
+        Lens::of([k[0][0], k[1][1], k[0][2], k[1][2]], (self.width, self.height), Distortion::default())
     }
 }
 

@@ -156,23 +156,14 @@ pub(super) fn objects(path: &Path) -> Result<Map<u8>, DatasetError> {
 /// The first channel's numbers as they are. Pictures of depth in false colours are refused: their channels say nothing.
 fn first_channel(path: &Path, picture: DynamicImage) -> Result<Map<f32>, DatasetError> {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let channels = usize::from(picture.color().channel_count());
-    let first = |values: Vec<f32>| -> Option<Vec<f32>> {
-        let grey =
-            channels < 3 || values.chunks_exact(channels).all(|pixel| pixel[0] == pixel[1] && pixel[1] == pixel[2]);
-        grey.then(|| values.into_iter().step_by(channels).collect())
+    // Grey levels become equal channels, which nothing rounds.
+    let values: Vec<f32> = match picture.color().bytes_per_pixel() / picture.color().channel_count() {
+        1 => picture.into_rgb8().into_raw().into_iter().map(f32::from).collect(),
+        2 => picture.into_rgb16().into_raw().into_iter().map(f32::from).collect(),
+        _ => Vec::new(),
     };
-    let values = match picture {
-        DynamicImage::ImageLuma8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageLumaA8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageRgb8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageRgba8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageLuma16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageLumaA16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageRgb16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageRgba16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        _ => None,
-    };
-    let map = values.and_then(|values| Map::new(width, height, 1, values));
+    let (pixels, _) = values.as_chunks::<3>();
+    let is_grey = pixels.iter().all(|[r, g, b]| r == g && g == b);
+    let map = Map::new(width, height, 1, pixels.iter().map(|[level, ..]| *level).collect()).filter(|_| is_grey);
     map.ok_or_else(|| DatasetError::malformed(path, "colours", "grey levels of depth", "a picture in false colours"))
 }

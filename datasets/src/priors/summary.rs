@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gs_base::{agree, counted};
+use gs_base::{clause, counted};
 
 use super::attach::{Reason, SideNotes};
 use crate::findings::Findings;
@@ -155,7 +155,7 @@ pub(crate) fn facts(views: &[Noted]) -> Vec<String> {
                 (Kind::Moving, _) => format!(", {:.1} % of the pixels on average", 100.0 * mean),
                 _ => String::new(),
             };
-            format!("{} {} {kind}{detail}.", counted(count, "view"), agree(count, "has", "have"))
+            format!("{} {kind}{detail}.", clause(count, "view", "has", "have"))
         })
         .collect()
 }
