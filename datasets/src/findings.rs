@@ -1,8 +1,11 @@
 //! [`Findings`]: facts, warnings and errors, collected while a data set is read.
 
-use gs_base::printable;
+use std::path::Path;
+
+use gs_base::{clause, printable};
 
 use crate::error::DatasetError;
+use crate::names::some_names;
 
 /// Collects what is wrong while a scene is read. `load` stops at the first error; `check` goes on and lists them all.
 #[derive(Debug, Default)]
@@ -32,6 +35,26 @@ impl Findings {
         self.warnings.push(printable(text.as_ref()).into_owned());
     }
 
+    /// Notes some sentences about what was repaired or left out.
+    pub fn warn_all(&mut self, sentences: impl IntoIterator<Item = impl AsRef<str>>) {
+        sentences.into_iter().for_each(|text| self.warn(text));
+    }
+
+    /// Notes something about what `names` are of, below or in `place`, if there are any. `sentence` is given the
+    /// [`clause`] that begins it and some of the names.
+    pub fn warn_of<S: AsRef<str>>(
+        &mut self,
+        place: &Path,
+        names: &[S],
+        [noun, one, many]: [&str; 3],
+        sentence: impl FnOnce(String, String) -> String,
+    ) {
+        if !names.is_empty() {
+            let text = sentence(clause(names.len(), noun, one, many), some_names(names));
+            self.warn(format!("{}: {text}", place.display()));
+        }
+    }
+
     /// Notes what was found, where that is worth a sentence. Names in it are made [`printable`].
     pub fn fact(&mut self, text: impl AsRef<str>) {
         self.facts.push(printable(text.as_ref()).into_owned());
@@ -49,12 +72,8 @@ impl Findings {
 
     /// Writes facts and warnings to the log of the program.
     pub fn log(&self) {
-        for fact in &self.facts {
-            tracing::info!("{fact}");
-        }
-        for warning in &self.warnings {
-            tracing::warn!("{warning}");
-        }
+        self.facts.iter().for_each(|fact| tracing::info!("{fact}"));
+        self.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     }
 
     /// Passes a value on. An error is returned, or noted and turned into `None` when reading goes on.

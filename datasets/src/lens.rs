@@ -6,6 +6,7 @@ use std::path::Path;
 use gs_base::sentence::{decimals, number};
 use gs_base::{Intrinsics, counted};
 
+use crate::decode::ViewNote;
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::fold::{self, Fault};
@@ -79,14 +80,15 @@ pub(crate) struct Resolved {
 }
 
 /// The sentence about views whose principal point is not inside their photo, where there are any.
-pub(crate) fn off_photo_warning(scene: &Path, views: &[&str]) -> Option<String> {
+pub(crate) fn off_photo_warning(scene: &Path, notes: &[ViewNote]) -> Option<String> {
+    let views: Vec<&str> = notes.iter().filter(|note| note.off_photo).map(|note| note.name.as_str()).collect();
     (!views.is_empty()).then(|| {
         format!(
             "{}: the principal point (cx, cy) of {} is not inside the photo; if the intrinsics are for photos of \
              another size, w and h must say which ({})",
             scene.display(),
             counted(views.len(), "view"),
-            some_names(views)
+            some_names(&views)
         )
     })
 }

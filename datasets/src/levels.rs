@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gs_base::statistics::range;
 use gs_base::{agree, counted};
 
 use crate::decode::ViewNote;
@@ -16,10 +17,9 @@ const ONE_LEVEL: f64 = 0.5 / 65535.0;
 /// `levels` is that key's value.
 pub(crate) fn warning(scene: &Path, notes: &[ViewNote], levels: Option<[f64; 2]>) -> Option<String> {
     let ranges: Vec<[f64; 2]> = notes.iter().filter_map(|note| note.range).collect();
-    let low = ranges.iter().map(|range| range[0]).fold(f64::INFINITY, f64::min);
-    let high = ranges.iter().map(|range| range[1]).fold(0.0, f64::max);
+    let (low, high) = range(ranges.iter().flatten().copied())?;
     let left = 255.0 * (high - low);
-    if ranges.is_empty() || levels.is_some() || left >= FEW || high - low < ONE_LEVEL {
+    if levels.is_some() || left >= FEW || high - low < ONE_LEVEL {
         return None;
     }
     // A hundredth of the range, rounded outwards, so that no pixel is cut.

@@ -45,14 +45,14 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let trains = notes.iter().zip(log.frames()).filter(|(_, frame)| frame.split == Split::TRAIN);
     one_color::refuse(path, trains.map(|(note, _)| note.one_color))?;
     summarise(path, &notes, &mut findings);
-    levels::warning(path, &notes, options.levels).into_iter().for_each(|sentence| findings.warn(sentence));
+    findings.warn_all(levels::warning(path, &notes, options.levels));
     let noted: Vec<Noted> = notes
         .iter()
         .zip(log.frames())
         .map(|(note, frame)| Noted { name: &note.name, trains: frame.split == Split::TRAIN, notes: &note.sides })
         .collect();
     summary::warn(path, &noted, &mut findings);
-    log.disagreements().for_each(|sentence| findings.warn(sentence));
+    findings.warn_all(log.disagreements());
     if summary::no_mask_marks_anything(&noted) {
         views.iter_mut().for_each(|view| view.priors.moving = None);
     }
@@ -113,8 +113,7 @@ fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
             actual.1
         ));
     }
-    let off_photo: Vec<&str> = notes.iter().filter(|note| note.off_photo).map(|note| note.name.as_str()).collect();
-    off_photo_warning(path, &off_photo).into_iter().for_each(|sentence| findings.warn(sentence));
+    findings.warn_all(off_photo_warning(path, notes));
     let blank: Vec<&str> = notes.iter().filter(|note| note.is_blank).map(|note| note.name.as_str()).collect();
     if !blank.is_empty() {
         findings.warn(format!(
@@ -124,6 +123,5 @@ fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
             some_names(&blank)
         ));
     }
-    let masked = notes.iter().filter_map(|note| note.masked).collect();
-    mask::suspicion(path, masked).into_iter().for_each(|sentence| findings.warn(sentence));
+    findings.warn_all(mask::suspicion(path, notes));
 }

@@ -94,7 +94,7 @@ impl Log {
     /// As [`load`](crate::load), without the errors of images and masks.
     pub fn open(path: &Path, options: &LoadOptions) -> Result<Self, DatasetError> {
         let (mut log, mut findings) = Self::describe(path, options)?;
-        log.disagreements().for_each(|sentence| findings.warn(sentence));
+        findings.warn_all(log.disagreements());
         findings.log();
         log.warnings = findings.take_warnings();
         Ok(log)
@@ -116,8 +116,7 @@ impl Log {
         let description = Description::of(raw, path, options, &mut findings)?;
         let plan = split::plan(&description.frames, options, path)?;
         if options.sparse.is_some() && description.points.is_some() {
-            let hidden = split::hidden_points(&description.frames, &plan, path);
-            hidden.into_iter().for_each(|sentence| findings.warn(sentence));
+            findings.warn_all(split::hidden_points(&description.frames, &plan, path));
         }
         let held_out = format!("held out: {} ({})", plan.counts(), plan.rule);
         tracing::info!("{}: {}, {}", shown(path), counted(plan.train.len(), "training view"), printable(&held_out));

@@ -2,8 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use gs_base::median;
 use image::{DynamicImage, ImageFormat};
 
+use crate::decode::ViewNote;
 use crate::error::DatasetError;
 use crate::pixels;
 
@@ -77,9 +79,8 @@ pub(crate) fn ignored_share(masks: &[Mask], size: (usize, usize)) -> f64 {
 }
 
 /// A warning if the masks of a scene ignore so much that they probably mean the opposite.
-pub(crate) fn suspicion(scene: &Path, mut shares: Vec<f64>) -> Option<String> {
-    shares.sort_by(f64::total_cmp);
-    let median = *shares.get(shares.len() / 2)?;
+pub(crate) fn suspicion(scene: &Path, notes: &[ViewNote]) -> Option<String> {
+    let median = median(notes.iter().filter_map(|note| note.masked).collect())?;
     (median > SUSPECT_SHARE).then(|| {
         format!(
             "{}: MASKS IGNORE {:.0} % OF THE MEDIAN VIEW. They may mean the opposite: look at one; \

@@ -1,5 +1,6 @@
 //! Facts and mistakes that show when every image, mask and prior is decoded.
 
+use gs_base::statistics::range;
 use gs_base::{agree, clause, counted};
 use rayon::prelude::*;
 
@@ -24,16 +25,14 @@ pub(super) fn describe(
 ) {
     let results: Vec<Result<ViewNote, DatasetError>> =
         frames.par_iter().map(|(frame, _)| decoder.examine(frame)).collect();
-    let (mut decoded, mut trains) = (Vec::new(), Vec::new());
-    for ((_, is_train), result) in frames.iter().zip(results) {
+    let mut kept = Vec::new();
+    for ((_, trains), result) in frames.iter().zip(results) {
         match result {
-            Ok(note) => {
-                decoded.push(note);
-                trains.push(*is_train);
-            }
+            Ok(note) => kept.push((note, *trains)),
             Err(error) => findings.errors.push(error),
         }
     }
+    let (decoded, trains): (Vec<ViewNote>, Vec<bool>) = kept.into_iter().unzip();
     let training = decoded.iter().zip(&trains).filter(|(_, trains)| **trains);
     findings.errors.extend(one_color::refuse(&report.path, training.map(|(note, _)| note.one_color)).err());
     let mut sizes: Vec<((usize, usize), usize)> = Vec::new();
@@ -69,25 +68,16 @@ pub(super) fn describe(
         findings
             .warn(format!("the intrinsics of {} are for another size and will be rescaled", counted(rescaled, "view")));
     }
-    let off_photo: Vec<&str> =
-        decoded.iter().filter(|value| value.off_photo).map(|value| value.name.as_str()).collect();
-    off_photo_warning(&report.path, &off_photo).into_iter().for_each(|sentence| findings.warn(sentence));
-    levels::warning(&report.path, &decoded, decoder.behind.levels)
-        .into_iter()
-        .for_each(|sentence| findings.warn(sentence));
-    let across = |focal: fn(&ViewNote) -> f64| {
-        let low = decoded.iter().map(focal).fold(f64::INFINITY, f64::min);
-        (low, decoded.iter().map(focal).fold(0.0, f64::max))
-    };
-    if !decoded.is_empty() {
-        let (x, y) = (across(|value| value.intrinsics.fx), across(|value| value.intrinsics.fy));
-        let angle = across(|value| 2.0 * (0.5 * value.size.0 as f64 / value.intrinsics.fx).atan().to_degrees());
-        report.facts.push(format!(
-            "Focal lengths are {} by {} pixels; the horizontal angle of view is {} degrees.",
-            range(x),
-            range(y),
-            range(angle)
-        ));
+    findings.warn_all(off_photo_warning(&report.path, &decoded));
+    findings.warn_all(levels::warning(&report.path, &decoded, decoder.behind.levels));
+    let across = |value: fn(&ViewNote) -> f64| range(decoded.iter().map(value)).map(shown);
+    let x = across(|value| value.intrinsics.fx);
+    let y = across(|value| value.intrinsics.fy);
+    let angle = across(|value| 2.0 * (0.5 * value.size.0 as f64 / value.intrinsics.fx).atan().to_degrees());
+    if let (Some(x), Some(y), Some(angle)) = (x, y, angle) {
+        report
+            .facts
+            .push(format!("Focal lengths are {x} by {y} pixels; the horizontal angle of view is {angle} degrees."));
     }
     let distorted = frames.iter().filter(|(frame, _)| !frame.lens.distortion.is_none()).count();
     report.facts.push(match distorted {
@@ -99,8 +89,7 @@ pub(super) fn describe(
         report.facts.push(format!("{} masks.", clause(masked, "image", "has", "have")));
     }
     report.blank = decoded.iter().filter(|value| value.is_blank).count();
-    let shares = decoded.iter().filter_map(|value| value.masked).collect();
-    mask::suspicion(&report.path, shares).into_iter().for_each(|sentence| findings.warn(sentence));
+    findings.warn_all(mask::suspicion(&report.path, &decoded));
     let noted: Vec<Noted> = decoded
         .iter()
         .zip(trains)
@@ -111,6 +100,6 @@ pub(super) fn describe(
 }
 
 /// "1375.52" or "1370.00 to 1380.00".
-fn range((low, high): (f64, f64)) -> String {
+fn shown((low, high): (f64, f64)) -> String {
     if high - low < 0.005 { format!("{low:.2}") } else { format!("{low:.2} to {high:.2}") }
 }

@@ -11,7 +11,7 @@
 use std::path::{Path, PathBuf};
 
 use gs_base::sentence::number;
-use gs_base::{agree, clause, counted, guarded, printable};
+use gs_base::{agree, counted, guarded, printable};
 use serde_json::{Map, Value};
 
 use crate::distortion::Distortion;
@@ -21,7 +21,6 @@ use crate::folder::folder_of;
 use crate::formats::json::{self, Keys};
 use crate::lens::Lens;
 use crate::mask::{MaskFile, White};
-use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
 use crate::priors::sources;
 use crate::raw::{RawFrame, RawScene, SplitName};
@@ -103,15 +102,10 @@ pub(crate) fn read(
             }
         }
     }
-    if !missing.is_empty() {
-        findings.warn(format!(
-            "{}: {} not exist; {} left out ({})",
-            files.scene.display(),
-            clause(missing.len(), "image", "does", "do"),
-            agree(missing.len(), "its frame was", "their frames were"),
-            some_names(&missing)
-        ));
-    }
+    let frames_were = agree(missing.len(), "its frame was", "their frames were");
+    findings.warn_of(&files.scene, &missing, ["image", "does", "do"], |do_, names| {
+        format!("{do_} not exist; {frames_were} left out ({names})")
+    });
     if files.folder.join(POINTS_FILE).exists() {
         findings.warn(format!("{}: the points in {POINTS_FILE} are not read", files.scene.display()));
     }
