@@ -73,7 +73,7 @@ mod subject;
 mod undistort;
 
 pub use blur_from_frames::{BlurFromFrames, BlurSummary, blur_from_frames};
-pub use check::{CheckReport, check, write_findings};
+pub use check::{CheckReport, Common, check, said_once, write_findings};
 pub use consistency::frame_interval;
 pub use convention::{CameraAxis, PoseConvention};
 pub use distortion::Distortion;

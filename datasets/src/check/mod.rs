@@ -22,6 +22,7 @@ use crate::raw::{RawFrame, SplitName};
 use crate::split;
 use crate::subject::subject_distance;
 
+pub use self::grouping::{Common, said_once};
 pub use self::report::{CheckReport, write_findings};
 
 /// Examines a data set: reads its description, decodes every image and mask, and measures the cameras' geometry. Goes
