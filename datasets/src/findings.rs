@@ -6,11 +6,12 @@ use gs_base::{clause, printable};
 
 use crate::error::DatasetError;
 use crate::names::some_names;
+use crate::raw::RawFrame;
 
 /// Collects what is wrong while a scene is read. `load` stops at the first error; `check` goes on and lists them all.
 #[derive(Debug, Default)]
 pub(crate) struct Findings {
-    /// See [`is_lenient`](Findings::is_lenient).
+    /// Whether reading goes on after an error.
     lenient: bool,
     /// See [`fact`](Findings::fact).
     facts: Vec<String>,
@@ -25,9 +26,17 @@ impl Findings {
         Self { lenient: true, ..Self::default() }
     }
 
-    /// Whether reading goes on after an error.
-    pub fn is_lenient(&self) -> bool {
-        self.lenient
+    /// Refuses a scene without frames, of which was `found` what is there instead; a lenient reader goes on.
+    pub fn need_frames(
+        &self,
+        frames: &[RawFrame],
+        scene: &Path,
+        found: impl FnOnce() -> String,
+    ) -> Result<(), DatasetError> {
+        if !frames.is_empty() || self.lenient {
+            return Ok(());
+        }
+        Err(DatasetError::NoFrames { path: scene.to_path_buf(), found: found() })
     }
 
     /// Notes something that was repaired or left out. Names in the sentence are made [`printable`].

@@ -93,10 +93,8 @@ pub(crate) fn read(texts: &CameraTexts, findings: &mut Findings) -> Result<RawSc
         let (count, names) = (counted(missing.len(), "camera"), names::some_names(&missing));
         findings.warn(format!("{}: {count} without a photo left out ({names})", root.display()));
     }
-    if frames.is_empty() && !findings.is_lenient() {
-        let found = format!("none of the photos of {}", counted(texts.files.len(), "camera"));
-        return Err(DatasetError::NoFrames { path: texts.folder.clone(), found });
-    }
+    let found = || format!("none of the photos of {}", counted(texts.files.len(), "camera"));
+    findings.need_frames(&frames, &texts.folder, found)?;
     Ok(RawScene { format: SceneFormat::CameraTexts, frames, points: None })
 }
 

@@ -108,10 +108,7 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
             });
         }
     }
-    if frames.is_empty() && !findings.is_lenient() {
-        let found = format!("none for {}", counted(rows.len(), "pose"));
-        return Err(DatasetError::NoFrames { path: poses.folder.clone(), found });
-    }
+    findings.need_frames(&frames, &poses.folder, || format!("none for {}", counted(rows.len(), "pose")))?;
     // Which masks a folder holds is not said anywhere; in a set of frames over time they mark what moves.
     let mut kinds = vec![Kind::Depth, Kind::Confidence, Kind::Sharp];
     if matches!(options.masks, MaskUse::Auto | MaskUse::Moving) {

@@ -109,10 +109,7 @@ pub(crate) fn read(
     if files.folder.join(POINTS_FILE).exists() {
         findings.warn(format!("{}: the points in {POINTS_FILE} are not read", files.scene.display()));
     }
-    if frames.is_empty() && !findings.is_lenient() {
-        let found = format!("none of {}", counted(missing.len(), "image"));
-        return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
-    }
+    findings.need_frames(&frames, &files.scene, || format!("none of {}", counted(missing.len(), "image")))?;
     let kinds = [Kind::Depth, Kind::Confidence, Kind::Sharp];
     let description = files.folder.join(TRAIN_FILE);
     sources::search(&mut frames, &files.folder, &description, &kinds, options.priors, findings);
@@ -201,8 +198,9 @@ impl<'a> Meta<'a> {
                     Value::Number(id) => id.to_string(),
                     other => return Err(at("cam_id", "a number or a name", other)),
                 };
-                let k = matrix(&k[t][c]).ok_or_else(|| at("k", "3 rows of 3 numbers", &k[t][c]))?;
-                let w2c = matrix(&w2c[t][c]).ok_or_else(|| at("w2c", "4 rows of 4 numbers", &w2c[t][c]))?;
+                let k: [[f64; 3]; 3] =
+                    json::matrix(&k[t][c]).ok_or_else(|| at("k", "3 rows of 3 numbers", &k[t][c]))?;
+                let w2c = json::matrix(&w2c[t][c]).ok_or_else(|| at("w2c", "4 rows of 4 numbers", &w2c[t][c]))?;
                 if !(k[0][0] > 0.0 && k[1][1] > 0.0 && k.iter().flatten().all(|value| value.is_finite())) {
                     return Err(at("k", "finite focal lengths above 0", &Value::String(format!("{k:?}"))));
                 }
@@ -225,16 +223,4 @@ fn table<'a>(keys: &Keys<'a>, key: &str) -> Result<Vec<&'a [Value]>, DatasetErro
         .as_array()
         .and_then(|rows| rows.iter().map(|row| row.as_array().map(Vec::as_slice)).collect::<Option<Vec<_>>>());
     rows.ok_or_else(|| keys.wrong(key, "a list over times of lists over cameras", json::kind(value)))
-}
-
-fn matrix<const N: usize>(value: &Value) -> Option<[[f64; N]; N]> {
-    let rows = value.as_array().filter(|rows| rows.len() == N)?;
-    let mut out = [[0.0; N]; N];
-    for (out, row) in out.iter_mut().zip(rows) {
-        let row = row.as_array().filter(|row| row.len() == N)?;
-        for (out, value) in out.iter_mut().zip(row) {
-            *out = json::as_f64(value)?;
-        }
-    }
-    Some(out)
 }

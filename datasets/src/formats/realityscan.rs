@@ -96,10 +96,8 @@ pub(crate) fn read(
     }
     let hint = photos.hint();
     photos.warn(file, &hint, findings);
-    if frames.is_empty() && !findings.is_lenient() {
-        let found = format!("none of the {} of {}{hint}", counted(rows.len(), "photo"), file.display());
-        return Err(DatasetError::NoFrames { path: table.folder.clone(), found });
-    }
+    let found = || format!("none of the {} of {}{hint}", counted(rows.len(), "photo"), file.display());
+    findings.need_frames(&frames, &table.folder, found)?;
     let points = findings.take(points(table))?.flatten();
     if points.is_none() {
         findings.warn(format!("{}: there are no points (no PLY file beside the table)", file.display()));

@@ -54,11 +54,7 @@ pub(super) fn depth(path: &Path, meaning: DepthMeaning) -> Result<Depth, Dataset
     let mut is_8_bit = false;
     let mut is_integer = false;
     let mut map = match open(path)? {
-        Content::Numpy(array) => {
-            let shape = format!("{:?}", array.shape);
-            let map = Map::of_array(array, 1);
-            map.ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W), (1, H, W) or (H, W, 1)", shape))?
-        }
+        Content::Numpy(array) => raster(path, array, 1)?,
         Content::Exr(bytes) => exr::parse(path, &bytes, exr::DEPTH)?,
         Content::Picture(picture) => {
             is_integer = true;
@@ -78,6 +74,13 @@ pub(super) fn depth(path: &Path, meaning: DepthMeaning) -> Result<Depth, Dataset
     }
     let space = if kind == DepthKind::InverseDepth { DepthSpace::InverseDepth } else { DepthSpace::Depth };
     Ok(Depth { map, space, metric, guessed: meaning.kind.is_none() })
+}
+
+/// An array as a map of one channel or of three.
+fn raster(path: &Path, array: npy::Array, channels: usize) -> Result<Map<f32>, DatasetError> {
+    let expected = if channels == 1 { "(H, W), (1, H, W) or (H, W, 1)" } else { "(H, W, 3)" };
+    let shape = format!("{:?}", array.shape);
+    Map::of_array(array, channels).ok_or_else(|| DatasetError::malformed(path, "shape", expected, shape))
 }
 
 /// A depth file as it is, at its own resolution.
@@ -113,10 +116,7 @@ pub(super) fn confidence(path: &Path) -> Result<Map<f32>, DatasetError> {
 /// Opens a map of vectors: EXR channels X, Y, Z (or R, G, B), or an array `(H, W, 3)`. What is not finite becomes 0.
 pub(super) fn vectors(path: &Path) -> Result<Map<f32>, DatasetError> {
     let mut map = match open(path)? {
-        Content::Numpy(array) => {
-            let shape = format!("{:?}", array.shape);
-            Map::of_array(array, 3).ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W, 3)", shape))?
-        }
+        Content::Numpy(array) => raster(path, array, 3)?,
         Content::Exr(bytes) => exr::parse(path, &bytes, exr::VECTOR)?,
         Content::Picture(_) => {
             let found = "a picture".to_string();
@@ -136,11 +136,7 @@ pub(super) fn objects(path: &Path) -> Result<Map<u8>, DatasetError> {
         values: map.values.into_iter().map(|value| if value != 0.0 && !value.is_nan() { 255 } else { 0 }).collect(),
     };
     match open(path)? {
-        Content::Numpy(array) => {
-            let shape = format!("{:?}", array.shape);
-            let map = Map::of_array(array, 1).map(binary);
-            map.ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W), (1, H, W) or (H, W, 1)", shape))
-        }
+        Content::Numpy(array) => raster(path, array, 1).map(binary),
         Content::Exr(bytes) => exr::parse(path, &bytes, exr::DEPTH).map(binary),
         Content::Picture(picture) => {
             let (width, height) = (picture.width() as usize, picture.height() as usize);

@@ -156,14 +156,11 @@ pub(crate) fn scene(
     }
     photos.warn(&images_file, &hint, findings);
     photos::say_unregistered(files, &root, &photos.files(), findings);
-    if frames.is_empty() && !findings.is_lenient() {
-        let found = match photos.total() {
-            0 => format!("no image in {}", images_file.display()),
-            total if photos.missing().is_empty() => format!("no sound camera of {}", counted(total, "image")),
-            total => format!("none of the {} in {}{hint}", counted(total, "image"), root.display()),
-        };
-        return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
-    }
+    findings.need_frames(&frames, &files.scene, || match photos.total() {
+        0 => format!("no image in {}", images_file.display()),
+        total if photos.missing().is_empty() => format!("no sound camera of {}", counted(total, "image")),
+        total => format!("none of the {} in {}{hint}", counted(total, "image"), root.display()),
+    })?;
     let points = (!model.points.is_empty()).then(|| RawPoints {
         positions: model.points.iter().map(|(_, point)| point.position).collect(),
         colors: model.points.iter().map(|(_, point)| point.color).collect(),

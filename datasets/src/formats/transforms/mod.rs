@@ -78,14 +78,10 @@ pub(crate) fn read(
             scene.points = findings.take(points)?.flatten();
         }
     }
-    if scene.frames.is_empty() && !findings.is_lenient() {
-        let found = if listed == 0 {
-            "an empty list of frames".to_string()
-        } else {
-            format!("none of {}{hint}", counted(listed, "image"))
-        };
-        return Err(DatasetError::NoFrames { path: sources.scene.clone(), found });
-    }
+    findings.need_frames(&scene.frames, &sources.scene, || match listed {
+        0 => "an empty list of frames".to_string(),
+        _ => format!("none of {}{hint}", counted(listed, "image")),
+    })?;
     Ok(scene)
 }
 
