@@ -1,9 +1,9 @@
 //! Times, exposures and cameras that contradict themselves or each other.
 
-use gs_datasets::{Holdout, LoadOptions, Scene, check, load};
+use gs_datasets::{LoadOptions, Scene, check, load};
 use serde_json::{Value, json};
 
-use crate::fixtures::{Folder, held_out, rig, ring, ring_scene};
+use crate::fixtures::{Folder, all, held_out, rig, ring, ring_scene};
 
 /// Two training cameras and a held-out one at four times, 0.1 apart.
 fn set() -> (Folder, Value, Value) {
@@ -74,15 +74,13 @@ fn an_exposure_that_is_no_duration_is_an_error() {
         let (folder, mut train, _) = set();
         train["frames"][1]["exposure"] = value;
         folder.write_json("transforms_train.json", &train);
-        let error = load(folder.path(), &LoadOptions::default()).expect_err("no duration").to_string();
-        assert!(error.contains("exposure") && error.contains("train/cam00/0001.png"), "{error}");
+        folder.refused(&LoadOptions::default(), &["exposure", "train/cam00/0001.png"]);
     }
     for exposure in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let (folder, train, _) = set();
         folder.write_json("transforms_train.json", &train);
         let options = LoadOptions { exposure: Some(exposure), ..LoadOptions::default() };
-        let error = load(folder.path(), &options).expect_err("no duration").to_string();
-        assert!(error.contains("option `exposure`"), "{error}");
+        folder.refused(&options, &["option `exposure`"]);
     }
 }
 
@@ -166,11 +164,10 @@ fn train_and_test_sets_that_disagree_are_told() {
 fn a_camera_far_from_all_others_is_named() {
     let (folder, mut top) = ring_scene(6);
     folder.write_json("transforms.json", &top);
-    let options = LoadOptions { holdout: Holdout::None, ..LoadOptions::default() };
-    assert!(load(folder.path(), &options).expect("loaded").warnings.is_empty());
+    let options = all();
+    assert!(folder.load(&options).warnings.is_empty());
     top["frames"][4]["transform_matrix"][0][3] = json!(1000.0);
-    folder.write_json("transforms.json", &top);
-    let scene = load(folder.path(), &options).expect("loaded");
+    let scene = folder.scene(&top, &options);
     only_warning(&scene, &["1 camera stands more than 10 times", "(images/04)"]);
 }
 
@@ -192,7 +189,7 @@ fn cameras_are_told_apart_by_their_poses_where_nothing_names_them() {
     }
     let (folder_2, _, _) = set();
     folder_2.write_json("transforms_train.json", &train);
-    let scene = load(folder_2.path(), &LoadOptions::default()).expect("loaded");
+    let scene = folder_2.load(&LoadOptions::default());
     assert!(scene.train.iter().all(|view| view.camera_id.is_none()));
 }
 

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
+use gs_datasets::{Holdout, LoadOptions, Scene, load};
 use gs_worlds::deblur::{DeblurOptions, write};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Value, json};
@@ -39,6 +40,26 @@ impl Folder {
 
     pub fn write_json(&self, name: &str, value: &Value) {
         self.write(name, value.to_string());
+    }
+
+    /// The data set in the folder.
+    #[track_caller]
+    pub fn load(&self, options: &LoadOptions) -> Scene {
+        load(self.path(), options).expect("loaded")
+    }
+
+    /// Writes the description and loads the data set.
+    #[track_caller]
+    pub fn scene(&self, top: &Value, options: &LoadOptions) -> Scene {
+        self.write_json("transforms.json", top);
+        self.load(options)
+    }
+
+    /// Loading ends with a sentence that holds all of `parts`.
+    #[track_caller]
+    pub fn refused(&self, options: &LoadOptions, parts: &[&str]) {
+        let error = load(self.path(), options).expect_err("refused").to_string();
+        assert!(parts.iter().all(|part| error.contains(part)), "{parts:?}: {error}");
     }
 
     /// An RGB image of one colour that depends on the name, so that images differ.
@@ -144,6 +165,18 @@ pub fn rig(folder: &Folder, part: &str, first: usize, cameras: usize, times: usi
 }
 
 /// The views that figures are quoted on; none where none is held out.
-pub fn held_out(scene: &gs_datasets::Scene) -> &[gs_datasets::View] {
+pub fn held_out(scene: &Scene) -> &[gs_datasets::View] {
     scene.reported().map_or(&[], |split| &split.views)
+}
+
+/// Options with which all views train.
+pub fn all() -> LoadOptions {
+    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
+}
+
+/// Loading said something that holds all of `parts`, in one sentence.
+#[track_caller]
+pub fn warned(warnings: &[String], parts: &[&str]) {
+    let says = |text: &String| parts.iter().all(|part| text.contains(part));
+    assert!(warnings.iter().any(says), "{parts:?}: {warnings:?}");
 }

@@ -1,17 +1,13 @@
 //! Photos in other containers, videos, and photos without poses: a sentence that says what to do.
 
-use gs_datasets::{Holdout, LoadOptions, check, load};
+use gs_datasets::{check, load};
 use serde_json::json;
 
-use crate::fixtures::{Folder, ring_scene};
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
+use crate::fixtures::{Folder, all, ring_scene};
 
 fn assert_said(folder: &Folder, parts: &[&str]) {
-    let error = load(folder.path(), &options()).expect_err("refused").to_string();
-    let report = check(folder.path(), &options());
+    let error = load(folder.path(), &all()).expect_err("refused").to_string();
+    let report = check(folder.path(), &all());
     assert!(!report.is_ok(), "{report}");
     for text in [&error, &report.to_string()] {
         assert!(parts.iter().all(|part| text.contains(part)), "{parts:?}: {text}");
@@ -75,12 +71,12 @@ fn photos_without_poses_say_which_tool_makes_them() {
         let folder = Folder::new();
         folder.write(&format!("clip.{extension}"), bytes);
         assert_said(&folder, &["1 video ", "ffmpeg", "COLMAP"]);
-        let error = load(&folder.file(&format!("clip.{extension}")), &options()).expect_err("a video").to_string();
+        let error = load(&folder.file(&format!("clip.{extension}")), &all()).expect_err("a video").to_string();
         assert!(error.contains("a video") && error.contains("ffmpeg"), "{error}");
     }
     let folder = Folder::new();
     folder.photo("a.png", 8, 6);
-    let error = load(&folder.file("a.png"), &options()).expect_err("one photo").to_string();
+    let error = load(&folder.file("a.png"), &all()).expect_err("one photo").to_string();
     assert!(error.contains("a single photo") && error.contains("folder"), "{error}");
 }
 

@@ -7,18 +7,14 @@ use std::path::Path;
 use std::process::Command;
 
 use gs_base::guarded;
-use gs_datasets::{Holdout, LoadOptions, check, load, load_cameras};
+use gs_datasets::{check, load, load_cameras};
 use serde_json::json;
 
 use crate::colmap;
-use crate::fixtures::{Folder, npy_f32, rig, ring_scene};
+use crate::fixtures::{Folder, all, npy_f32, rig, ring_scene, warned};
 
 /// An entry that may lie where a file should be, and how the sentence calls it.
 const IMPOSTORS: [(&str, &str); 3] = [("/dev/zero", "a device"), ("pipe", "a pipe"), ("folder", "a folder")];
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
 
 /// Puts an impostor in the place of a file. A pipe has no writer: whoever opens it waits for ever.
 fn replace(path: &Path, impostor: &str) {
@@ -35,8 +31,8 @@ fn replace(path: &Path, impostor: &str) {
 
 /// Loading and checking both refuse the data set, with a sentence that holds all of `parts`.
 fn assert_refused(folder: &Folder, parts: &[&str]) {
-    let error = load(folder.path(), &options()).expect_err("refused").to_string();
-    let report = check(folder.path(), &options());
+    let error = load(folder.path(), &all()).expect_err("refused").to_string();
+    let report = check(folder.path(), &all());
     assert!(parts.iter().all(|part| error.contains(part)), "{parts:?}: {error}");
     assert!(!report.is_ok() && parts.iter().all(|part| report.to_string().contains(part)), "{parts:?}: {report}");
 }
@@ -105,10 +101,10 @@ fn a_prior_that_is_no_file_is_left_out() {
                 top["frames"][0][key] = json!(format!("prior.{extension}"));
                 folder.write_json("transforms.json", &top);
                 replace(&folder.file(&format!("prior.{extension}")), impostor);
-                let scene = load(folder.path(), &options()).expect("loads");
+                let scene = folder.load(&all());
                 let said = |warnings: &[String]| warnings.iter().any(|w| w.contains("prior.") && w.contains(found));
                 assert!(said(&scene.warnings), "{key} {extension} {impostor}: {:?}", scene.warnings);
-                let report = check(folder.path(), &options());
+                let report = check(folder.path(), &all());
                 assert!(report.is_ok() && said(&report.warnings), "{key} {extension} {impostor}: {report}");
             }
         }
@@ -185,6 +181,6 @@ fn an_array_has_few_axes() {
     let shape = format!("({}48)", "1, ".repeat(100));
     let values: Vec<u8> = (0..48).flat_map(|i| (i as f32).to_le_bytes()).collect();
     folder.write("prior.npy", crate::fixtures::npy(1, "<f4", true, &shape, &values));
-    let scene = load(folder.path(), &options()).expect("loads");
-    assert!(scene.warnings.iter().any(|warning| warning.contains("at most 64 axes")), "{:?}", scene.warnings);
+    let scene = folder.load(&all());
+    warned(&scene.warnings, &["at most 64 axes"]);
 }

@@ -106,7 +106,7 @@ fn a_jpeg_cut_short_is_named() {
     photo.save(folder.file("images/01.jpg")).expect("written");
     top["frames"][1]["file_path"] = json!("images/01.jpg");
     folder.write_json("transforms.json", &top);
-    load(folder.path(), &LoadOptions::default()).expect("a whole photo");
+    folder.load(&LoadOptions::default());
     let whole = std::fs::read(folder.file("images/01.jpg")).expect("read");
     for length in [20, whole.len() / 2, whole.len() - 2] {
         folder.write("images/01.jpg", &whole[..length]);
@@ -137,7 +137,7 @@ fn intrinsics_of_no_camera_are_refused_and_those_of_another_size_said() {
     top["cx"] = json!(32.0);
     folder.write_json("transforms.json", &top);
     let said = |warnings: &[String]| warnings.iter().any(|text| text.contains("(cx, cy) of 3 views"));
-    assert!(said(&load(folder.path(), &LoadOptions::default()).expect("loads").warnings));
+    assert!(said(&folder.load(&LoadOptions::default()).warnings));
     assert!(said(&check(folder.path(), &LoadOptions::default()).warnings));
 }
 

@@ -1,10 +1,10 @@
 //! Sentences about one thing.
 
 use gs_base::{agree, counted};
-use gs_datasets::{Holdout, LoadOptions, check, load};
+use gs_datasets::check;
 use serde_json::json;
 
-use crate::fixtures::{Folder, ring_scene};
+use crate::fixtures::{Folder, all, ring_scene};
 
 #[test]
 fn one_view_is_and_two_views_are() {
@@ -16,9 +16,9 @@ fn one_view_is_and_two_views_are() {
 #[test]
 fn nothing_is_one_things() {
     let folder = one_of_each();
-    let options = LoadOptions { holdout: Holdout::None, ..LoadOptions::default() };
+    let options = all();
     let report = check(folder.path(), &options).to_string();
-    let warnings = load(folder.path(), &options).expect("loads").warnings.join("\n");
+    let warnings = folder.load(&options).warnings.join("\n");
     for line in report.lines().chain(warnings.lines()) {
         let words: Vec<&str> =
             line.split([' ', '(', ')', ',', ';', '.', ':']).filter(|word| !word.is_empty()).collect();

@@ -1,15 +1,15 @@
 //! Poses that are not rigid, and scenes far from their origin.
 
-use gs_datasets::{Holdout, LoadOptions, load};
+use gs_datasets::{LoadOptions, load};
 use serde_json::{Value, json};
 
-use crate::fixtures::ring_scene;
+use crate::fixtures::{all, ring_scene};
 
 fn load_with_pose(pose: Value) -> Result<gs_datasets::Scene, String> {
     let (folder, mut top) = ring_scene(2);
     top["frames"][1]["transform_matrix"] = pose;
     folder.write_json("transforms.json", &top);
-    let options = LoadOptions { holdout: Holdout::None, ..LoadOptions::default() };
+    let options = all();
     load(folder.path(), &options).map_err(|error| error.to_string())
 }
 
@@ -83,8 +83,7 @@ fn a_far_scene_is_moved_to_its_cameras_and_keeps_millimetres() {
             far[2]
         ),
     );
-    folder.write_json("transforms.json", &top);
-    let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
+    let scene = folder.scene(&top, &LoadOptions::default());
     assert!(scene.origin.distance(glam::DVec3::from_array(far)) < 5.0);
     let point = glam::Vec3::from_array(scene.points.as_ref().expect("points").positions[0]).as_dvec3() + scene.origin;
     assert!((point.x - far[0] - 0.001).abs() < 1e-6, "{point}");
@@ -92,7 +91,7 @@ fn a_far_scene_is_moved_to_its_cameras_and_keeps_millimetres() {
         let centre = view.c2w.w_axis.truncate();
         assert!(centre.length() < 10.0);
     }
-    let still = load(folder.path(), &LoadOptions { recentre: false, ..LoadOptions::default() }).expect("loaded");
+    let still = folder.load(&LoadOptions { recentre: false, ..LoadOptions::default() });
     assert_eq!(still.origin, glam::DVec3::ZERO);
     assert!((still.train[0].c2w.w_axis - scene.train[0].c2w.w_axis - scene.origin.extend(0.0)).length() < 1e-8);
 }
