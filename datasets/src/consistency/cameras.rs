@@ -121,6 +121,9 @@ pub(super) fn find_strays(frames: &[RawFrame], scene: &Path, findings: &mut Find
     });
 }
 
+/// Whether two frames are the same in one respect.
+type Same<'a> = &'a dyn Fn(&RawFrame, &RawFrame) -> bool;
+
 /// Warns about cameras that move, and about train and test sets that disagree.
 pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
     let spread = spread(frames);
@@ -130,7 +133,7 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
             group.into_iter().partition(|frame| SplitName::trains(frame.split.as_ref()));
         let pose = |a: &RawFrame, b: &RawFrame| same_pose(a, b, spread);
         let lens = |a: &RawFrame, b: &RawFrame| same_lens(&a.lens, &b.lens);
-        let looks: [(&dyn Fn(&RawFrame, &RawFrame) -> bool, _); 2] = [(&pose, &mut moved), (&lens, &mut zoomed)];
+        let looks: [(Same, _); 2] = [(&pose, &mut moved), (&lens, &mut zoomed)];
         for (same, changed) in looks {
             let is_one = |group: &[&RawFrame]| group.iter().all(|frame| same(group[0], frame));
             if !is_one(&train) || !is_one(&test) {

@@ -6,6 +6,11 @@ use gs_datasets::{Holdout, LoadOptions, MaskUse, Scene, SceneFormat, load};
 pub use crate::colmap_writer::*;
 use crate::fixtures::{Folder, all, names};
 
+type Writer = fn(&Model, &Folder, &str);
+
+/// Writers of both encodings, with the endings of their files.
+pub const ENCODINGS: [(Writer, &str); 2] = [(Model::write_text, "txt"), (Model::write_binary, "bin")];
+
 fn load_all(folder: &Folder) -> Scene {
     folder.load(&all())
 }

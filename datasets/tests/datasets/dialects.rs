@@ -3,8 +3,8 @@
 use glam::DVec3;
 use gs_datasets::{Scene, SceneFormat, check, load, load_cameras};
 
-use crate::colmap::{Model, example};
-use crate::fixtures::{Folder, all, names, warned};
+use crate::colmap::{ENCODINGS, example};
+use crate::fixtures::{Folder, all, cloud, names, warned};
 
 fn load_all(folder: &Folder) -> Scene {
     folder.load(&all())
@@ -52,7 +52,7 @@ fn models_of_other_programs_load() {
         model.cameras.push(crate::colmap::Camera { id: 100 + i as u32, model: 1, width: 80, height: 60, params });
     }
     model.points.clear();
-    for (write, rigs) in [(Model::write_text as fn(&Model, &Folder, &str), "txt"), (Model::write_binary, "bin")] {
+    for (write, rigs) in ENCODINGS {
         write(&model, &folder, "sparse/0");
         folder.write(&format!("sparse/0/rigs.{rigs}"), "1 1 CAMERA 100\n");
         folder.write(&format!("sparse/0/frames.{rigs}"), "1 1 1 0 0 0 0 0 0 1 CAMERA 100 90\n");
@@ -97,11 +97,7 @@ fn tables_of_realityscan_load() {
          a.png,1,2,3,0,90,0,36,0.05,-0.025,0,0,0,0,0,0\r\nb.jpg,0,0,0,90,90,0,18,0,0,0,0,0,0,0,0\n\
          gone.png,0,0,0,0,0,0,18,0,0,0,0,0,0,0,0\n",
     );
-    folder.write(
-        "cameras.ply",
-        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 \
-         9 3\n2 9 3\n",
-    );
+    folder.write("cameras.ply", cloud("float", &[[1.0, 9.0, 3.0], [2.0, 9.0, 3.0]]));
     for path in [folder.path().to_path_buf(), folder.file("cameras.csv")] {
         let scene = load(&path, &all()).expect("loaded");
         assert_eq!((scene.format, names(&scene.train)), (SceneFormat::RealityScan, vec!["a", "b"]));

@@ -1,16 +1,10 @@
 //! Photos and masks that are not where a description says: found, or named.
 
-use gs_datasets::{LoadOptions, MaskUse, check, load};
+use gs_datasets::{LoadOptions, MaskUse, check};
 use serde_json::json;
 
 use crate::colmap::example;
 use crate::fixtures::{Folder, all, names, ring_scene};
-
-/// The error of `load`, or the report of `check`.
-fn said(folder: &Folder, options: &LoadOptions) -> (String, String) {
-    let error = load(folder.path(), options).err().map_or_else(String::new, |error| error.to_string());
-    (error, check(folder.path(), options).to_string())
-}
 
 #[test]
 fn paths_of_another_machine_are_found_by_their_ends() {
@@ -45,8 +39,7 @@ fn paths_of_another_machine_are_found_by_their_ends() {
     top["frames"][0]["file_path"] = json!("/a/images/02.png");
     top["frames"][1]["file_path"] = json!("/b/images/02.png");
     folder.write_json("transforms.json", &top);
-    let (error, report) = said(&folder, &all());
-    assert!(error.contains("another pose") && report.contains("another pose"), "{error} {report}");
+    folder.refused_by_both(&all(), &["another pose"]);
 }
 
 /// A frame whose own photo is missing does not take one of another list.
@@ -74,20 +67,14 @@ fn photos_in_another_container_beside_the_names_are_named() {
     for name in ["b", "left/a"] {
         folder.write(&format!("images/{name}.exr"), exr);
     }
-    let (error, report) = said(&folder, &all());
-    for text in [error, report] {
-        assert!(text.contains("2 of them are there as OpenEXR (b.exr): convert"), "{text}");
-    }
+    folder.refused_by_both(&all(), &["2 of them are there as OpenEXR (b.exr): convert"]);
     let (folder, top) = ring_scene(2);
     for name in ["00", "01"] {
         std::fs::remove_file(folder.file(&format!("images/{name}.png"))).expect("removed");
         folder.write(&format!("images/{name}.exr"), exr);
     }
     folder.write_json("transforms.json", &top);
-    let (error, report) = said(&folder, &all());
-    for text in [error, report] {
-        assert!(text.contains("2 of them are there as OpenEXR (images/00.exr): convert"), "{text}");
-    }
+    folder.refused_by_both(&all(), &["2 of them are there as OpenEXR (images/00.exr): convert"]);
 }
 
 #[test]
@@ -95,19 +82,13 @@ fn a_folder_of_smaller_photos_is_named_with_its_key() {
     let folder = Folder::new();
     example(&folder).write_binary(&folder, "sparse/0");
     std::fs::rename(folder.file("images"), folder.file("images_4")).expect("moved");
-    let (error, report) = said(&folder, &all());
-    for text in [error, report] {
-        assert!(text.contains("images of these names are in images_4: --set data.images=images_4"), "{text}");
-    }
+    folder.refused_by_both(&all(), &["images of these names are in images_4: --set data.images=images_4"]);
     let options = LoadOptions { images: Some("images_4".into()), ..all() };
     assert_eq!(folder.load(&options).train.len(), 4);
     let (folder, top) = ring_scene(2);
     folder.write_json("transforms.json", &top);
     std::fs::rename(folder.file("images"), folder.file("images_4")).expect("moved");
-    let (error, report) = said(&folder, &options);
-    for text in [error, report] {
-        assert!(text.contains("images/00.png is there as images_4/00.png"), "{text}");
-    }
+    folder.refused_by_both(&options, &["images/00.png is there as images_4/00.png"]);
 }
 
 #[test]
@@ -137,10 +118,7 @@ fn the_layout_of_another_method_is_named() {
     let folder = Folder::new();
     folder.photo("cam01/frame_00001.png", 8, 6);
     folder.write("poses_bounds_multipleview.npy", "");
-    let (error, report) = said(&folder, &all());
-    for text in [error, report] {
-        assert!(text.contains("multipleview layout of 4DGaussians") && text.contains("transforms.json"), "{text}");
-    }
+    folder.refused_by_both(&all(), &["multipleview layout of 4DGaussians", "transforms.json"]);
 }
 
 #[test]
@@ -205,19 +183,14 @@ fn a_photo_of_no_bytes_is_empty() {
     let (folder, top) = ring_scene(2);
     folder.write_json("transforms.json", &top);
     folder.write("images/01.png", "");
-    let (error, report) = said(&folder, &all());
-    assert!(
-        error.contains("images/01.png") && error.contains("an empty file") && report.contains("an empty file"),
-        "{error}"
-    );
+    folder.refused_by_both(&all(), &["images/01.png", "an empty file"]);
 }
 
 #[test]
 fn one_photo_is_told_how_to_train_it() {
     let (folder, top) = ring_scene(1);
     folder.write_json("transforms.json", &top);
-    let (error, report) = said(&folder, &LoadOptions::default());
-    assert!(error.contains("--set data.holdout=none") && report.contains("--set data.holdout=none"), "{error}");
+    folder.refused_by_both(&LoadOptions::default(), &["--set data.holdout=none"]);
     assert_eq!(folder.load(&all()).train.len(), 1);
 }
 
@@ -230,16 +203,12 @@ fn photos_of_one_colour_are_refused() {
             folder.rgba(&format!("images/{i:02}.png"), 32, 24, |_, _| color);
         }
         for options in [all(), LoadOptions::default()] {
-            let (error, report) = said(&folder, &options);
-            assert!(
-                error.contains("one colour all over") && report.contains("one colour all over"),
-                "{error} {report}"
-            );
+            folder.refused_by_both(&options, &["one colour all over"]);
         }
         // One pixel is something.
         folder.rgba("images/02.png", 32, 24, |x, y| if (x, y) == (31, 23) { [1, 2, 3, 255] } else { color });
-        let (error, report) = said(&folder, &all());
-        assert!(error.is_empty() && report.contains("Good to load"), "{error} {report}");
+        folder.load(&all());
+        assert!(check(folder.path(), &all()).to_string().contains("Good to load"));
     }
 }
 

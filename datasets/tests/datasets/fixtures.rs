@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
-use gs_datasets::{Holdout, LoadOptions, Scene, load};
+use gs_datasets::{Holdout, LoadOptions, Scene, check, load};
 use gs_worlds::deblur::{DeblurOptions, write};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Value, json};
@@ -62,6 +62,14 @@ impl Folder {
         assert!(parts.iter().all(|part| error.contains(part)), "{parts:?}: {error}");
     }
 
+    /// Loading and checking both refuse the data set, with sentences that hold all of `parts`.
+    #[track_caller]
+    pub fn refused_by_both(&self, options: &LoadOptions, parts: &[&str]) {
+        self.refused(options, parts);
+        let report = check(self.path(), options);
+        assert!(!report.is_ok() && parts.iter().all(|part| report.to_string().contains(part)), "{parts:?}: {report}");
+    }
+
     /// An RGB image of one colour that depends on the name, so that images differ.
     pub fn photo(&self, name: &str, width: usize, height: usize) {
         let tint = name.bytes().fold(17_u8, |sum, byte| sum.wrapping_mul(31).wrapping_add(byte));
@@ -118,6 +126,21 @@ pub fn ring_scene(count: usize) -> (Folder, Value) {
         })
         .collect();
     (folder, json!({ "fl_x": 30.0, "fl_y": 31.0, "cx": 15.5, "cy": 12.5, "w": 32, "h": 24, "frames": frames }))
+}
+
+/// Puts a camera at `scale` times its position, and `by` further.
+pub fn move_camera(frame: &mut Value, scale: f64, by: [f64; 3]) {
+    for (row, by) in by.into_iter().enumerate() {
+        let value = &mut frame["transform_matrix"][row][3];
+        *value = json!(scale * value.as_f64().expect("a number") + by);
+    }
+}
+
+/// Text of a PLY file of points with coordinates of the type `kind`.
+pub fn cloud(kind: &str, points: &[[f64; 3]]) -> String {
+    let properties = ["x", "y", "z"].map(|axis| format!("property {kind} {axis}\n")).concat();
+    let rows: String = points.iter().map(|[x, y, z]| format!("{x} {y} {z}\n")).collect();
+    format!("ply\nformat ascii 1.0\nelement vertex {}\n{properties}end_header\n{rows}", points.len())
 }
 
 /// Names of views.

@@ -154,19 +154,16 @@ fn options_without_meaning_are_refused() {
 #[test]
 fn a_binary_model_cut_anywhere_names_the_file() {
     let folder = Folder::new();
-    let whole = colmap::example(&folder).binary();
-    let files = ["cameras.bin", "images.bin", "points3D.bin"];
-    for (i, file) in files.iter().enumerate() {
-        for (bytes, other) in whole.iter().zip(files) {
-            folder.write(&format!("sparse/0/{other}"), bytes);
-        }
-        for length in 0..whole[i].len() {
-            folder.write(&format!("sparse/0/{file}"), &whole[i][..length]);
+    let model = colmap::example(&folder);
+    for (whole, stem) in model.binary().iter().zip(colmap::STEMS) {
+        model.write_binary(&folder, "sparse/0");
+        let file = &format!("sparse/0/{stem}.bin");
+        for length in 0..whole.len() {
+            folder.write(file, &whole[..length]);
             let error = error_of(&folder);
             assert!(error.contains(file) && error.contains("byte "), "{error}");
         }
-        let longer: Vec<u8> = whole[i].iter().copied().chain([0]).collect();
-        folder.write(&format!("sparse/0/{file}"), longer);
+        folder.write(file, [&whole[..], &[0]].concat());
         assert!(error_of(&folder).contains("1 more byte"));
     }
 }
@@ -174,15 +171,13 @@ fn a_binary_model_cut_anywhere_names_the_file() {
 #[test]
 fn binary_counts_are_bounded_by_the_file() {
     let folder = Folder::new();
-    let whole = colmap::example(&folder).binary();
-    for (i, file) in ["cameras.bin", "images.bin", "points3D.bin"].into_iter().enumerate() {
-        for (bytes, other) in whole.iter().zip(["cameras.bin", "images.bin", "points3D.bin"]) {
-            folder.write(&format!("sparse/0/{other}"), bytes);
-        }
+    let model = colmap::example(&folder);
+    let whole = model.binary();
+    for (whole, stem) in whole.iter().zip(colmap::STEMS) {
+        model.write_binary(&folder, "sparse/0");
+        let file = &format!("sparse/0/{stem}.bin");
         for count in [u64::MAX, u64::MAX / 48, 1 << 40] {
-            let mut bytes = whole[i].clone();
-            bytes[..8].copy_from_slice(&count.to_le_bytes());
-            folder.write(&format!("sparse/0/{file}"), bytes);
+            folder.write(file, [&count.to_le_bytes(), &whole[8..]].concat());
             assert!(error_of(&folder).contains(file));
         }
     }
@@ -225,7 +220,7 @@ proptest! {
         } else {
             std::fs::remove_file(folder.file("transforms.json")).expect("removed");
             colmap::example(&folder).write_binary(&folder, "sparse/0");
-            folder.write(&format!("sparse/0/{}.bin", ["cameras", "images", "points3D"][which - 3]), bytes);
+            folder.write(&format!("sparse/0/{}.bin", colmap::STEMS[which - 3]), bytes);
         }
         read_all(&folder);
     }
@@ -237,23 +232,17 @@ proptest! {
         value in any::<u8>(),
         cut in any::<bool>(),
     ) {
-        let folder = Folder::new();
+        let (folder, top) = ring_scene(2);
+        folder.write_json("transforms.json", &top);
         let file = if which == 0 {
-            let (_, top) = ring_scene(2);
-            folder.photo("images/00.png", 32, 24);
-            folder.photo("images/01.png", 32, 24);
-            folder.write_json("transforms.json", &top);
             "transforms.json".to_string()
         } else if which == 7 {
-            let (_, top) = ring_scene(2);
-            folder.photo("images/00.png", 32, 24);
-            folder.write_json("transforms.json", &top);
             "images/00.png".to_string()
         } else {
-            let model = colmap::example(&folder);
-            let stem = ["cameras", "images", "points3D"][(which - 1) % 3];
-            if which < 4 { model.write_binary(&folder, "sparse/0") } else { model.write_text(&folder, "sparse/0") }
-            format!("sparse/0/{stem}.{}", if which < 4 { "bin" } else { "txt" })
+            std::fs::remove_file(folder.file("transforms.json")).expect("removed");
+            let (write, ending) = colmap::ENCODINGS[(which - 1) / 3];
+            write(&colmap::example(&folder), &folder, "sparse/0");
+            format!("sparse/0/{}.{ending}", colmap::STEMS[(which - 1) % 3])
         };
         let mut bytes = std::fs::read(folder.file(&file)).expect("read");
         let at = at.index(bytes.len());

@@ -5,7 +5,7 @@ use gs_datasets::{LoadOptions, PoseConvention, check, load};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::json;
 
-use crate::fixtures::{Folder, all, ring, ring_scene, rows};
+use crate::fixtures::{Folder, all, cloud, move_camera, ring, ring_scene, rows};
 
 #[test]
 fn poses_of_any_convention_are_read_as_one() {
@@ -29,11 +29,7 @@ fn poses_of_any_convention_are_read_as_one() {
 fn points_are_scaled() {
     let (folder, mut top) = ring_scene(4);
     top["ply_file_path"] = json!("points.ply");
-    folder.write(
-        "points.ply",
-        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty \
-        float z\nend_header\n1000 -2000 3000\n",
-    );
+    folder.write("points.ply", cloud("float", &[[1000.0, -2000.0, 3000.0]]));
     let scene = folder.scene(&top, &LoadOptions { points_scale: 0.001, ..all() });
     let points = scene.points.expect("a point").positions;
     assert!(
@@ -98,10 +94,7 @@ fn a_stray_camera_sets_no_scale() {
     let (folder, mut top) = ring_scene(12);
     let usual = folder.scene(&top, &all());
     top["frames"][4]["transform_matrix"] = ring(4);
-    for row in 0..3 {
-        let value = top["frames"][4]["transform_matrix"][row][3].as_f64().expect("a number");
-        top["frames"][4]["transform_matrix"][row][3] = json!(100.0 * value);
-    }
+    move_camera(&mut top["frames"][4], 100.0, [0.0; 3]);
     let scene = folder.scene(&top, &all());
     assert!((scene.extent() / usual.extent() - 1.0).abs() < 0.15, "{} for {}", scene.extent(), usual.extent());
     let (distance, known) = (scene.subject_distance().expect("one"), usual.subject_distance().expect("one"));
@@ -121,10 +114,7 @@ fn only_a_scene_far_away_for_its_size_is_moved() {
     let moved = |scale: f64, by: [f64; 3]| {
         let (folder, mut top) = ring_scene(6);
         for frame in top["frames"].as_array_mut().expect("frames") {
-            for row in 0..3 {
-                let value = frame["transform_matrix"][row][3].as_f64().expect("a number");
-                frame["transform_matrix"][row][3] = json!(scale * value + by[row]);
-            }
+            move_camera(frame, scale, by);
         }
         folder.write_json("transforms.json", &top);
         folder.load(&all()).origin

@@ -90,15 +90,11 @@ fn control_characters_of_names_reach_no_message() {
         folder.write("points.ply", text);
         assert_clean("ply", &folder);
     }
-    for is_binary in [true, false] {
+    for (write, _) in colmap::ENCODINGS {
         let folder = Folder::new();
         let mut model = colmap::example(&folder);
         model.images[1].name = EVIL.replace('\n', "");
-        if is_binary {
-            model.write_binary(&folder, "sparse/0")
-        } else {
-            model.write_text(&folder, "sparse/0")
-        }
+        write(&model, &folder, "sparse/0");
         assert_clean("colmap", &folder);
     }
     let folder = Folder::new();

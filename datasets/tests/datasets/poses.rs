@@ -3,14 +3,13 @@
 use gs_datasets::{LoadOptions, load};
 use serde_json::{Value, json};
 
-use crate::fixtures::{all, ring_scene};
+use crate::fixtures::{all, cloud, move_camera, ring_scene};
 
 fn load_with_pose(pose: Value) -> Result<gs_datasets::Scene, String> {
     let (folder, mut top) = ring_scene(2);
     top["frames"][1]["transform_matrix"] = pose;
     folder.write_json("transforms.json", &top);
-    let options = all();
-    load(folder.path(), &options).map_err(|error| error.to_string())
+    load(folder.path(), &all()).map_err(|error| error.to_string())
 }
 
 fn diagonal(x: f64, y: f64, z: f64) -> Value {
@@ -67,22 +66,10 @@ fn a_far_scene_is_moved_to_its_cameras_and_keeps_millimetres() {
     let (folder, mut top) = ring_scene(4);
     let far = [4_321_000.125, -98_765.5, 250.0];
     for frame in top["frames"].as_array_mut().expect("a list") {
-        for (row, offset) in far.iter().enumerate() {
-            let value = frame["transform_matrix"][row][3].as_f64().expect("a number");
-            frame["transform_matrix"][row][3] = json!(value + offset);
-        }
+        move_camera(frame, 1.0, far);
     }
     top["ply_file_path"] = json!("points.ply");
-    folder.write(
-        "points.ply",
-        format!(
-            "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty double \
-         z\nend_header\n{} {} {}\n",
-            far[0] + 0.001,
-            far[1],
-            far[2]
-        ),
-    );
+    folder.write("points.ply", cloud("double", &[[far[0] + 0.001, far[1], far[2]]]));
     let scene = folder.scene(&top, &LoadOptions::default());
     assert!(scene.origin.distance(glam::DVec3::from_array(far)) < 5.0);
     let point = glam::Vec3::from_array(scene.points.as_ref().expect("points").positions[0]).as_dvec3() + scene.origin;

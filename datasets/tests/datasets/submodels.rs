@@ -2,7 +2,7 @@
 
 use gs_datasets::{check, load, load_cameras};
 
-use crate::colmap::{Model, example};
+use crate::colmap::{ENCODINGS, Model, example};
 use crate::fixtures::{Folder, all, names};
 
 /// A capture that fell apart: one image in `small`, three in `large`.
@@ -17,7 +17,7 @@ fn apart(write: fn(&Model, &Folder, &str), small: &str, large: &str) -> Folder {
 
 #[test]
 fn the_largest_model_is_read_and_the_others_are_said() {
-    for write in [Model::write_text as fn(&Model, &Folder, &str), Model::write_binary] {
+    for (write, _) in ENCODINGS {
         for (small, large) in
             [("sparse/0", "sparse/1"), ("sparse/1", "sparse/0"), ("sparse/2", "sparse/10"), ("0", "1")]
         {
