@@ -145,10 +145,8 @@ fn intrinsics_of_no_camera_are_refused_and_those_of_another_size_said() {
 fn options_without_meaning_are_refused() {
     let (folder, top) = ring_scene(3);
     folder.write_json("transforms.json", &top);
-    let zero = LoadOptions { max_width: Some(0), ..LoadOptions::default() };
-    assert!(load(folder.path(), &zero).expect_err("0 pixels").to_string().contains("max_width"));
-    let dark = LoadOptions { background: [f32::NAN; 3], ..LoadOptions::default() };
-    assert!(load(folder.path(), &dark).expect_err("NaN").to_string().contains("background"));
+    folder.refused(&LoadOptions { max_width: Some(0), ..LoadOptions::default() }, &["max_width"]);
+    folder.refused(&LoadOptions { background: [f32::NAN; 3], ..LoadOptions::default() }, &["background"]);
 }
 
 #[test]

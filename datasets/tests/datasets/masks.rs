@@ -1,6 +1,6 @@
 //! Which pixels count, by each convention.
 
-use gs_datasets::{Holdout, LoadOptions, MaskUse, load};
+use gs_datasets::{Holdout, LoadOptions, MaskUse};
 use serde_json::json;
 
 use crate::fixtures::{Folder, all, ring_scene, warned};
@@ -63,8 +63,7 @@ fn masks_of_another_size_are_scaled_and_of_other_proportions_refused() {
     let mask = mask_of(&folder, MaskUse::Auto, None).0.expect("a mask");
     assert_eq!((mask[7], mask[8]), (0, 255), "any pixel that is not black counts");
     folder.grey("masks/00.png", 16, 24, |_, _| 0);
-    let error = load(folder.path(), &all()).expect_err("size");
-    assert!(error.to_string().contains("16 x 24") && error.to_string().contains("32 x 24"), "{error}");
+    folder.refused(&all(), &["16 x 24", "32 x 24"]);
 }
 
 #[test]

@@ -16,9 +16,8 @@ fn one_view_is_and_two_views_are() {
 #[test]
 fn nothing_is_one_things() {
     let folder = one_of_each();
-    let options = all();
-    let report = check(folder.path(), &options).to_string();
-    let warnings = folder.load(&options).warnings.join("\n");
+    let report = check(folder.path(), &all()).to_string();
+    let warnings = folder.load(&all()).warnings.join("\n");
     for line in report.lines().chain(warnings.lines()) {
         let words: Vec<&str> =
             line.split([' ', '(', ')', ',', ';', '.', ':']).filter(|word| !word.is_empty()).collect();
