@@ -3,14 +3,12 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use gs_base::Intrinsics;
 use gs_base::sentence::{decimals, number};
-use gs_base::{Intrinsics, counted};
 
-use crate::decode::ViewNote;
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::fold::{self, Fault};
-use crate::names::some_names;
 
 /// Largest difference between declared and actual proportions that is put down to rounding when someone resized the
 /// images: one pixel of a hundred. Beyond it the image was cropped or turned, and no scaling makes the intrinsics fit.
@@ -77,20 +75,6 @@ pub(crate) struct Resolved {
     /// The principal point is not inside the photo: of a crop, or the intrinsics are for another size and do not say
     /// which.
     pub off_photo: bool,
-}
-
-/// The sentence about views whose principal point is not inside their photo, where there are any.
-pub(crate) fn off_photo_warning(scene: &Path, notes: &[ViewNote]) -> Option<String> {
-    let views: Vec<&str> = notes.iter().filter(|note| note.off_photo).map(|note| note.name.as_str()).collect();
-    (!views.is_empty()).then(|| {
-        format!(
-            "{}: the principal point (cx, cy) of {} is not inside the photo; if the intrinsics are for photos of \
-             another size, w and h must say which ({})",
-            scene.display(),
-            counted(views.len(), "view"),
-            some_names(&views)
-        )
-    })
 }
 
 impl Lens {

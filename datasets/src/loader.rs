@@ -7,16 +7,13 @@ use gs_base::{clause, counted};
 use rayon::prelude::*;
 
 use crate::camera_path;
-use crate::decode::ViewNote;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats;
 use crate::frame::{CameraPose, View};
-use crate::lens::off_photo_warning;
-use crate::levels;
 use crate::log::Log;
-use crate::mask;
 use crate::names::some_names;
+use crate::notes::{ViewNote, few_levels, off_photo_warning, suspicion};
 use crate::one_color;
 use crate::options::LoadOptions;
 use crate::priors::summary::{self, Noted};
@@ -45,7 +42,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let trains = notes.iter().zip(log.frames()).filter(|(_, frame)| frame.split == Split::TRAIN);
     one_color::refuse(path, trains.map(|(note, _)| note.one_color))?;
     summarise(path, &notes, &mut findings);
-    findings.warn_all(levels::warning(path, &notes, options.levels));
+    findings.warn_all(few_levels(path, &notes, options.levels));
     let noted: Vec<Noted> = notes
         .iter()
         .zip(log.frames())
@@ -123,5 +120,5 @@ fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
             some_names(&blank)
         ));
     }
-    findings.warn_all(mask::suspicion(path, notes));
+    findings.warn_all(suspicion(path, notes));
 }

@@ -13,12 +13,13 @@ use gs_base::{Intrinsics, counted, printable};
 use rayon::prelude::*;
 
 use crate::consistency;
-use crate::decode::{Decoder, ViewNote};
+use crate::decode::Decoder;
 use crate::description::{Description, check_options};
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats;
 use crate::frame::View;
+use crate::notes::ViewNote;
 use crate::options::LoadOptions;
 use crate::raw::RawFrame;
 use crate::scene::{PointCloud, SceneFormat, Split};

@@ -2,10 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use gs_base::median;
 use image::{DynamicImage, ImageFormat};
 
-use crate::decode::ViewNote;
 use crate::error::DatasetError;
 use crate::pixels;
 
@@ -76,19 +74,6 @@ pub(crate) fn ignored_share(masks: &[Mask], size: (usize, usize)) -> f64 {
         ignored += usize::from(!masks.iter().all(|mask| mask.keeps(u, v, size)));
     }
     ignored as f64 / (GRID * GRID) as f64
-}
-
-/// A warning if the masks of a scene ignore so much that they probably mean the opposite.
-pub(crate) fn suspicion(scene: &Path, notes: &[ViewNote]) -> Option<String> {
-    let median = median(notes.iter().filter_map(|note| note.masked).collect())?;
-    (median > SUSPECT_SHARE).then(|| {
-        format!(
-            "{}: MASKS IGNORE {:.0} % OF THE MEDIAN VIEW. They may mean the opposite: look at one; \
-             data.masks=keep-white, keep-black and ignore say how they are read",
-            scene.display(),
-            100.0 * median
-        )
-    })
 }
 
 /// The brightest colour channel of each pixel. Alpha does not count: masks saved as RGBA are opaque everywhere.

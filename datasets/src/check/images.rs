@@ -5,13 +5,11 @@ use gs_base::{agree, clause, counted};
 use rayon::prelude::*;
 
 use super::CheckReport;
-use crate::decode::{Decoder, ViewNote};
+use crate::decode::Decoder;
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::lens::off_photo_warning;
-use crate::levels;
-use crate::mask;
 use crate::names::some_names;
+use crate::notes::{ViewNote, few_levels, off_photo_warning, suspicion};
 use crate::one_color;
 use crate::priors::summary::{self, Noted};
 use crate::raw::RawFrame;
@@ -69,7 +67,7 @@ pub(super) fn describe(
             .warn(format!("the intrinsics of {} are for another size and will be rescaled", counted(rescaled, "view")));
     }
     findings.warn_all(off_photo_warning(&report.path, &decoded));
-    findings.warn_all(levels::warning(&report.path, &decoded, decoder.behind.levels));
+    findings.warn_all(few_levels(&report.path, &decoded, decoder.behind.levels));
     let across = |value: fn(&ViewNote) -> f64| range(decoded.iter().map(value)).map(shown);
     let x = across(|value| value.intrinsics.fx);
     let y = across(|value| value.intrinsics.fy);
@@ -89,7 +87,7 @@ pub(super) fn describe(
         report.facts.push(format!("{} masks.", clause(masked, "image", "has", "have")));
     }
     report.blank = decoded.iter().filter(|value| value.is_blank).count();
-    findings.warn_all(mask::suspicion(&report.path, &decoded));
+    findings.warn_all(suspicion(&report.path, &decoded));
     let noted: Vec<Noted> = decoded
         .iter()
         .zip(trains)
