@@ -38,8 +38,8 @@ const FEW: f64 = 64.0;
 /// Half a level of 16 bits: photos of one level hold nothing that a stretch would show.
 const ONE_LEVEL: f64 = 0.5 / 65535.0;
 
-/// A warning about photos of more than 8 bits of which few levels are left at 8, as thermal cameras write them, with the
-/// key that spreads them; `levels` is that key's value.
+/// A warning about photos of more than 8 bits of which few levels are left at 8, as thermal cameras write them, with
+/// the key that spreads them; `levels` is that key's value.
 pub(crate) fn few_levels(scene: &Path, notes: &[ViewNote], levels: Option<[f64; 2]>) -> Option<String> {
     let ranges: Vec<[f64; 2]> = notes.iter().filter_map(|note| note.range).collect();
     let (low, high) = range(ranges.iter().flatten().copied())?;
