@@ -29,25 +29,11 @@ impl CameraAxis {
 
     /// The direction in OpenCV axes (x right, y down, z forward).
     fn direction(self) -> DVec3 {
-        match self {
-            Self::Right => DVec3::X,
-            Self::Left => DVec3::NEG_X,
-            Self::Down => DVec3::Y,
-            Self::Up => DVec3::NEG_Y,
-            Self::Forward => DVec3::Z,
-            Self::Back => DVec3::NEG_Z,
-        }
+        [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z][self as usize]
     }
 
     fn name(self) -> &'static str {
-        match self {
-            Self::Right => "right",
-            Self::Left => "left",
-            Self::Down => "down",
-            Self::Up => "up",
-            Self::Forward => "forward",
-            Self::Back => "back",
-        }
+        ["right", "left", "down", "up", "forward", "back"][self as usize]
     }
 }
 

@@ -7,6 +7,7 @@ use crate::error::DatasetError;
 use crate::frame::{RgbImage8, View};
 use crate::lens::Resolved;
 use crate::mask::{self, Mask};
+use crate::notes::ViewNote;
 use crate::one_color;
 use crate::options::LoadOptions;
 use crate::pixels::{self, Behind, Opened};
@@ -24,29 +25,6 @@ pub(crate) struct Decoder {
     pub behind: Behind,
     /// Subtracted from positions.
     pub origin: DVec3,
-}
-
-/// Facts about one decoded frame, for sentences about many.
-pub(crate) struct ViewNote {
-    pub name: String,
-    /// Width and height of the image file, pixels.
-    pub size: (usize, usize),
-    /// At that size.
-    pub intrinsics: Intrinsics,
-    /// The declared size, where intrinsics were rescaled.
-    pub rescaled: Option<(f64, f64)>,
-    pub off_photo: bool,
-    /// Share of the photo that mask files ignore; `None` without one.
-    pub masked: Option<f64>,
-    /// No pixel of the view counts.
-    pub is_blank: bool,
-    /// The one colour of the whole photo, see [`one_color`].
-    pub one_color: Option<[f32; 3]>,
-    /// The photo is stored turned or mirrored, by EXIF. Known only of frames that were [examined](Decoder::examine).
-    pub is_turned: bool,
-    /// The levels of a photo of more than 8 bits, as shares of its full range; `None` of a photo of 8 bits.
-    pub range: Option<[f64; 2]>,
-    pub sides: SideNotes,
 }
 
 /// A frame's camera and masks, at the size of its image file.

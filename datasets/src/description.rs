@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use gs_base::local::RECENTRE_DISTANCE;
-use gs_base::{agree, counted, mean};
+use gs_base::{clause, mean};
 
 use crate::consistency;
 use crate::convention::PoseConvention;
@@ -120,9 +120,8 @@ fn sort_and_name(mut frames: Vec<RawFrame>, findings: &mut Findings) -> Vec<RawF
     });
     if !repeated.is_empty() {
         findings.warn(format!(
-            "{} {} listed more than once; the first of each was kept ({})",
-            counted(repeated.len(), "frame"),
-            agree(repeated.len(), "is", "are"),
+            "{} listed more than once; the first of each was kept ({})",
+            clause(repeated.len(), "frame", "is", "are"),
             some_names(&repeated)
         ));
     }

@@ -1,13 +1,17 @@
 //! [`Findings`]: facts, warnings and errors, collected while a data set is read.
 
-use gs_base::printable;
+use std::path::Path;
+
+use gs_base::{clause, printable};
 
 use crate::error::DatasetError;
+use crate::names::some_names;
+use crate::raw::RawFrame;
 
 /// Collects what is wrong while a scene is read. `load` stops at the first error; `check` goes on and lists them all.
 #[derive(Debug, Default)]
 pub(crate) struct Findings {
-    /// See [`is_lenient`](Findings::is_lenient).
+    /// Whether reading goes on after an error.
     lenient: bool,
     /// See [`fact`](Findings::fact).
     facts: Vec<String>,
@@ -22,14 +26,42 @@ impl Findings {
         Self { lenient: true, ..Self::default() }
     }
 
-    /// Whether reading goes on after an error.
-    pub fn is_lenient(&self) -> bool {
-        self.lenient
+    /// Refuses a scene without frames, of which was `found` what is there instead; a lenient reader goes on.
+    pub fn need_frames(
+        &self,
+        frames: &[RawFrame],
+        scene: &Path,
+        found: impl FnOnce() -> String,
+    ) -> Result<(), DatasetError> {
+        if !frames.is_empty() || self.lenient {
+            return Ok(());
+        }
+        Err(DatasetError::NoFrames { path: scene.to_path_buf(), found: found() })
     }
 
     /// Notes something that was repaired or left out. Names in the sentence are made [`printable`].
     pub fn warn(&mut self, text: impl AsRef<str>) {
         self.warnings.push(printable(text.as_ref()).into_owned());
+    }
+
+    /// Notes some sentences about what was repaired or left out.
+    pub fn warn_all(&mut self, sentences: impl IntoIterator<Item = impl AsRef<str>>) {
+        sentences.into_iter().for_each(|text| self.warn(text));
+    }
+
+    /// Notes something about what `names` are of, below or in `place`, if there are any. `sentence` is given the
+    /// [`clause`] that begins it and some of the names.
+    pub fn warn_of<S: AsRef<str>>(
+        &mut self,
+        place: &Path,
+        names: &[S],
+        [noun, one, many]: [&str; 3],
+        sentence: impl FnOnce(String, String) -> String,
+    ) {
+        if !names.is_empty() {
+            let text = sentence(clause(names.len(), noun, one, many), some_names(names));
+            self.warn(format!("{}: {text}", place.display()));
+        }
     }
 
     /// Notes what was found, where that is worth a sentence. Names in it are made [`printable`].
@@ -49,12 +81,8 @@ impl Findings {
 
     /// Writes facts and warnings to the log of the program.
     pub fn log(&self) {
-        for fact in &self.facts {
-            tracing::info!("{fact}");
-        }
-        for warning in &self.warnings {
-            tracing::warn!("{warning}");
-        }
+        self.facts.iter().for_each(|fact| tracing::info!("{fact}"));
+        self.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     }
 
     /// Passes a value on. An error is returned, or noted and turned into `None` when reading goes on.

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use crate::folder::{extension, has_extension};
+
 /// A file that would be a photo, or photos, after a step with another tool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Foreign {
@@ -78,9 +80,5 @@ pub(crate) const POSES: &str = "COLMAP finds the poses (`colmap automatic_recons
 /// Whether a file is a photo that is read, by its name. `NAME.mask.png` is a mask beside one.
 pub(crate) fn is_photo(path: &Path) -> bool {
     let is_mask = path.file_stem().is_some_and(|stem| stem.as_encoded_bytes().ends_with(b".mask"));
-    !is_mask && ["png", "jpg", "jpeg", "webp", "tif", "tiff"].contains(&extension(path).as_str())
-}
-
-fn extension(path: &Path) -> String {
-    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
+    !is_mask && has_extension(path, &["png", "jpg", "jpeg", "webp", "tif", "tiff"])
 }

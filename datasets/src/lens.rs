@@ -3,13 +3,12 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use gs_base::Intrinsics;
 use gs_base::sentence::{decimals, number};
-use gs_base::{Intrinsics, counted};
 
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::fold::{self, Fault};
-use crate::names::some_names;
 
 /// Largest difference between declared and actual proportions that is put down to rounding when someone resized the
 /// images: one pixel of a hundred. Beyond it the image was cropped or turned, and no scaling makes the intrinsics fit.
@@ -78,20 +77,20 @@ pub(crate) struct Resolved {
     pub off_photo: bool,
 }
 
-/// The sentence about views whose principal point is not inside their photo, where there are any.
-pub(crate) fn off_photo_warning(scene: &Path, views: &[&str]) -> Option<String> {
-    (!views.is_empty()).then(|| {
-        format!(
-            "{}: the principal point (cx, cy) of {} is not inside the photo; if the intrinsics are for photos of \
-             another size, w and h must say which ({})",
-            scene.display(),
-            counted(views.len(), "view"),
-            some_names(views)
-        )
-    })
-}
-
 impl Lens {
+    /// A lens whose values are all given: fx, fy, cx and cy in pixels of a photo of `size`.
+    pub fn of([fx, fy, cx, cy]: [f64; 4], size: (f64, f64), distortion: Distortion) -> Self {
+        Self {
+            focal_x: Some(Focal::Pixels(fx)),
+            focal_y: Some(Focal::Pixels(fy)),
+            cx: Some(cx),
+            cy: Some(cy),
+            width: Some(size.0),
+            height: Some(size.1),
+            distortion,
+        }
+    }
+
     /// The size the file declares; a side it leaves out follows from the image's proportions.
     fn declared_size(&self, actual: (u32, u32)) -> (f64, f64) {
         let (w, h) = (f64::from(actual.0), f64::from(actual.1));

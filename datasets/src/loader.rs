@@ -3,20 +3,17 @@
 use std::path::Path;
 
 use gs_base::statistics::range;
-use gs_base::{agree, counted};
+use gs_base::{clause, counted};
 use rayon::prelude::*;
 
 use crate::camera_path;
-use crate::decode::ViewNote;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats;
 use crate::frame::{CameraPose, View};
-use crate::lens::off_photo_warning;
-use crate::levels;
 use crate::log::Log;
-use crate::mask;
 use crate::names::some_names;
+use crate::notes::{ViewNote, few_levels, off_photo_warning, suspicion};
 use crate::one_color;
 use crate::options::LoadOptions;
 use crate::priors::summary::{self, Noted};
@@ -45,14 +42,14 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let trains = notes.iter().zip(log.frames()).filter(|(_, frame)| frame.split == Split::TRAIN);
     one_color::refuse(path, trains.map(|(note, _)| note.one_color))?;
     summarise(path, &notes, &mut findings);
-    levels::warning(path, &notes, options.levels).into_iter().for_each(|sentence| findings.warn(sentence));
+    findings.warn_all(few_levels(path, &notes, options.levels));
     let noted: Vec<Noted> = notes
         .iter()
         .zip(log.frames())
         .map(|(note, frame)| Noted { name: &note.name, trains: frame.split == Split::TRAIN, notes: &note.sides })
         .collect();
     summary::warn(path, &noted, &mut findings);
-    log.disagreements().for_each(|sentence| findings.warn(sentence));
+    findings.warn_all(log.disagreements());
     if summary::no_mask_marks_anything(&noted) {
         views.iter_mut().for_each(|view| view.priors.moving = None);
     }
@@ -103,19 +100,17 @@ fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
     let rescaled: Vec<&ViewNote> = notes.iter().filter(|note| note.rescaled.is_some()).collect();
     if let Some(ViewNote { name, rescaled: Some(declared), size: actual, .. }) = rescaled.first() {
         findings.warn(format!(
-            "{}: {} {} images of another size than their intrinsics, which were rescaled ({name}: declared {} x {}, \
+            "{}: {} images of another size than their intrinsics, which were rescaled ({name}: declared {} x {}, \
              found {} x {})",
             path.display(),
-            counted(rescaled.len(), "view"),
-            agree(rescaled.len(), "has", "have"),
+            clause(rescaled.len(), "view", "has", "have"),
             declared.0,
             declared.1,
             actual.0,
             actual.1
         ));
     }
-    let off_photo: Vec<&str> = notes.iter().filter(|note| note.off_photo).map(|note| note.name.as_str()).collect();
-    off_photo_warning(path, &off_photo).into_iter().for_each(|sentence| findings.warn(sentence));
+    findings.warn_all(off_photo_warning(path, notes));
     let blank: Vec<&str> = notes.iter().filter(|note| note.is_blank).map(|note| note.name.as_str()).collect();
     if !blank.is_empty() {
         findings.warn(format!(
@@ -125,6 +120,5 @@ fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {
             some_names(&blank)
         ));
     }
-    let masked = notes.iter().filter_map(|note| note.masked).collect();
-    mask::suspicion(path, masked).into_iter().for_each(|sentence| findings.warn(sentence));
+    findings.warn_all(suspicion(path, notes));
 }

@@ -13,12 +13,13 @@ use gs_base::{Intrinsics, counted, printable};
 use rayon::prelude::*;
 
 use crate::consistency;
-use crate::decode::{Decoder, ViewNote};
+use crate::decode::Decoder;
 use crate::description::{Description, check_options};
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats;
 use crate::frame::View;
+use crate::notes::ViewNote;
 use crate::options::LoadOptions;
 use crate::raw::RawFrame;
 use crate::scene::{PointCloud, SceneFormat, Split};
@@ -94,7 +95,7 @@ impl Log {
     /// As [`load`](crate::load), without the errors of images and masks.
     pub fn open(path: &Path, options: &LoadOptions) -> Result<Self, DatasetError> {
         let (mut log, mut findings) = Self::describe(path, options)?;
-        log.disagreements().for_each(|sentence| findings.warn(sentence));
+        findings.warn_all(log.disagreements());
         findings.log();
         log.warnings = findings.take_warnings();
         Ok(log)
@@ -116,8 +117,7 @@ impl Log {
         let description = Description::of(raw, path, options, &mut findings)?;
         let plan = split::plan(&description.frames, options, path)?;
         if options.sparse.is_some() && description.points.is_some() {
-            let hidden = split::hidden_points(&description.frames, &plan, path);
-            hidden.into_iter().for_each(|sentence| findings.warn(sentence));
+            findings.warn_all(split::hidden_points(&description.frames, &plan, path));
         }
         let held_out = format!("held out: {} ({})", plan.counts(), plan.rule);
         tracing::info!("{}: {}, {}", shown(path), counted(plan.train.len(), "training view"), printable(&held_out));

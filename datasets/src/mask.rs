@@ -76,20 +76,6 @@ pub(crate) fn ignored_share(masks: &[Mask], size: (usize, usize)) -> f64 {
     ignored as f64 / (GRID * GRID) as f64
 }
 
-/// A warning if the masks of a scene ignore so much that they probably mean the opposite.
-pub(crate) fn suspicion(scene: &Path, mut shares: Vec<f64>) -> Option<String> {
-    shares.sort_by(f64::total_cmp);
-    let median = *shares.get(shares.len() / 2)?;
-    (median > SUSPECT_SHARE).then(|| {
-        format!(
-            "{}: MASKS IGNORE {:.0} % OF THE MEDIAN VIEW. They may mean the opposite: look at one; \
-             data.masks=keep-white, keep-black and ignore say how they are read",
-            scene.display(),
-            100.0 * median
-        )
-    })
-}
-
 /// The brightest colour channel of each pixel. Alpha does not count: masks saved as RGBA are opaque everywhere.
 pub(crate) fn levels(image: DynamicImage) -> Vec<u8> {
     match image {

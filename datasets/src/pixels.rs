@@ -49,14 +49,10 @@ impl Photo {
         let start = y * row.len();
         match self {
             Self::Rgb8(image) => {
-                for (out, value) in row.iter_mut().zip(&image.as_raw()[start..]) {
-                    *out = f32::from(*value);
-                }
+                row.iter_mut().zip(&image.as_raw()[start..]).for_each(|(out, value)| *out = f32::from(*value));
             }
             Self::Rgb32(image) => {
-                for (out, value) in row.iter_mut().zip(&image.as_raw()[start..]) {
-                    *out = 255.0 * value;
-                }
+                row.iter_mut().zip(&image.as_raw()[start..]).for_each(|(out, value)| *out = 255.0 * value);
             }
         }
     }
@@ -71,11 +67,7 @@ pub(crate) fn decode(path: &Path) -> Result<DynamicImage, DatasetError> {
 fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError> {
     let mut reader = ImageReader::new(Cursor::new(bytes));
     reader = reader.with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(SIDE_MAX);
-    limits.max_image_height = Some(SIDE_MAX);
-    limits.max_alloc = Some(DECODE_MAX);
-    reader.limits(limits);
+    reader.limits(limits());
     let wrong = |found: String| DatasetError::Image { path: path.to_path_buf(), found };
     if bytes.is_empty() {
         return Err(wrong(EMPTY.to_string()));
@@ -105,6 +97,14 @@ fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError>
     Ok(image)
 }
 
+fn limits() -> Limits {
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(SIDE_MAX);
+    limits.max_image_height = Some(SIDE_MAX);
+    limits.max_alloc = Some(DECODE_MAX);
+    limits
+}
+
 /// Width and height from the file's header.
 pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
     // The decoder reads a JPEG whole before it looks at the header, and a log of some GB would be read whole to be
@@ -127,9 +127,7 @@ pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
 pub(crate) fn is_turned(path: &Path) -> bool {
     let Ok(file) = guarded::open_regular(path, guarded::IMAGE_MAX) else { return false };
     let Ok(mut reader) = ImageReader::new(BufReader::new(file)).with_guessed_format() else { return false };
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(DECODE_MAX);
-    reader.limits(limits);
+    reader.limits(limits());
     let orientation = reader.into_decoder().and_then(|mut decoder| decoder.orientation());
     orientation.is_ok_and(|orientation| orientation != Orientation::NoTransforms)
 }

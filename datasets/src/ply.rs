@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use glam::DVec3;
-use gs_base::ply::{Encoding, Header, Property, Scalar, start_of};
+use gs_base::npy::Number;
+use gs_base::ply::{Encoding, Header, Property, start_of};
 use gs_base::{agree, counted, guarded};
 
 use crate::error::DatasetError;
@@ -16,7 +17,7 @@ const NO_COLOR: [u8; 3] = [128; 3];
 struct Vertices {
     header: Header,
     count: usize,
-    properties: Vec<(String, Scalar)>,
+    properties: Vec<(String, Number)>,
 }
 
 /// Reads the vertices of a PLY file as points.
@@ -82,7 +83,7 @@ fn read_ascii(data: &[u8], vertices: &Vertices, path: &Path, add: &mut Add) -> R
 }
 
 fn read_binary(data: &[u8], vertices: &Vertices, path: &Path, add: &mut Add) -> Result<(), DatasetError> {
-    let stride: usize = vertices.properties.iter().map(|(_, scalar)| scalar.size()).sum();
+    let stride: usize = vertices.properties.iter().map(|(_, scalar)| scalar.bytes()).sum();
     let needed = vertices.count.checked_mul(stride);
     if needed.is_none_or(|needed| needed > data.len()) {
         return Err(DatasetError::malformed(
@@ -101,8 +102,8 @@ fn read_binary(data: &[u8], vertices: &Vertices, path: &Path, add: &mut Add) -> 
     for (index, mut record) in data.chunks_exact(stride).take(vertices.count).enumerate() {
         row.clear();
         for (_, scalar) in &vertices.properties {
-            let (bytes, rest) = record.split_at(scalar.size());
-            row.push(scalar.decode(bytes, vertices.header.encoding));
+            let (bytes, rest) = record.split_at(scalar.bytes());
+            row.push(scalar.read(bytes));
             record = rest;
         }
         add(index, &row)?;

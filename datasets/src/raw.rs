@@ -10,8 +10,8 @@ use crate::mask::MaskFile;
 use crate::scene::{SceneFormat, Split};
 use crate::side_files::SideFiles;
 
-/// The list of the data set's own split that a frame is in. A frame in several lists is in the least of them: training on
-/// it cannot be undone, and figures are quoted on the test list before any other.
+/// The list of the data set's own split that a frame is in. A frame in several lists is in the least of them: training
+/// on it cannot be undone, and figures are quoted on the test list before any other.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) enum SplitName {
     Train,

@@ -1,6 +1,6 @@
 //! A view at a smaller size, for learning from coarse to fine.
 
-use crate::frame::{Priors, RgbImage8, Truth, View};
+use crate::frame::{RgbImage8, View};
 use crate::resample::COVERAGE_MIN;
 use crate::resize::{AreaResampler, target_size};
 
@@ -15,21 +15,16 @@ impl View {
         let alpha = self.alpha.as_ref().map(|alpha| filtered::<1>(alpha, old, new).into_iter().map(level).collect());
         let counts = |share: f32| if share >= COVERAGE_MIN * 255.0 { 255 } else { 0 };
         let mask = self.mask.as_ref().map(|mask| filtered::<1>(mask, old, new).into_iter().map(counts).collect());
+        let intrinsics = self.intrinsics.scaled(new.0 as f64 / old.0 as f64, new.1 as f64 / old.1 as f64);
         Self {
             name: self.name.clone(),
             image_path: self.image_path.clone(),
-            c2w: self.c2w,
-            intrinsics: self.intrinsics.scaled(new.0 as f64 / old.0 as f64, new.1 as f64 / old.1 as f64),
-            width: new.0,
-            height: new.1,
             time: self.time,
             camera_id: self.camera_id.clone(),
-            image,
             alpha,
             mask,
             exposure: self.exposure,
-            priors: Priors::default(),
-            truth: Truth::default(),
+            ..Self::new(self.c2w, intrinsics, image)
         }
     }
 }
@@ -48,6 +43,7 @@ fn filtered<const CHANNELS: usize>(bytes: &[u8], old: (usize, usize), new: (usiz
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::{Priors, Truth};
 
     #[test]
     fn half_a_view_is_the_mean_of_four_pixels_seen_by_the_same_camera() {

@@ -33,38 +33,27 @@ pub struct Undistortion {
 impl Undistortion {
     /// For a photo of `size` pixels with these intrinsics; `None` when there is nothing to undo.
     pub(crate) fn new(distortion: Distortion, intrinsics: Intrinsics, size: (usize, usize)) -> Option<Self> {
-        if distortion.is_none() {
-            return None;
-        }
+        if distortion.is_none() { None } else { Self::of(distortion, intrinsics, size) }
+    }
+
+    /// `None` when the ideal image has no end.
+    fn of(distortion: Distortion, intrinsics: Intrinsics, size: (usize, usize)) -> Option<Self> {
         let (width, height) = (size.0 as f64, size.1 as f64);
+        // The limit of the search for a fold; the ideal image shows no more than this.
         let far = |side: f64, c: f64, f: f64| (c / f).abs().max(((side - c) / f).abs());
         let (x, y) = (far(width, intrinsics.cx, intrinsics.fx), far(height, intrinsics.cy, intrinsics.fy));
-        let valid_radius2 = distortion.valid_radius2(x * x + y * y);
         let inverse = (1.0 / intrinsics.fx, 1.0 / intrinsics.fy);
-        Some(Self { distortion, intrinsics, inverse, width, height, valid_radius2 })
+        let valid_radius2 = distortion.valid_radius2(x * x + y * y);
+        let this = Self { distortion, intrinsics, inverse, width, height, valid_radius2 };
+        (x.is_finite() && y.is_finite()).then_some(this)
     }
 
     /// For readers without masks: the focal lengths of the ideal image are larger than `intrinsics`, those of the
     /// photo, by the smallest factor with which every pixel of the ideal image is in the photo; the principal point
     /// stays. Also the ideal intrinsics. `None` when a coefficient is not finite, or when the factor would be above 2.
     pub fn filling(distortion: Distortion, intrinsics: Intrinsics, size: (usize, usize)) -> Option<(Self, Intrinsics)> {
-        let (width, height) = (size.0 as f64, size.1 as f64);
-        let inverse = (1.0 / intrinsics.fx, 1.0 / intrinsics.fy);
-        // The limit of the search for a fold; the ideal image shows no more than this.
-        let far = |side: f64, c: f64, f: f64| (c / f).abs().max(((side - c) / f).abs());
-        let (x, y) = (far(width, intrinsics.cx, intrinsics.fx), far(height, intrinsics.cy, intrinsics.fy));
-        if !(distortion.is_finite() && x.is_finite() && y.is_finite()) {
-            return None;
-        }
-        let valid_radius2 = distortion.valid_radius2(x * x + y * y);
-        let zoomed = |zoom: f64| Self {
-            distortion,
-            intrinsics,
-            inverse: (inverse.0 / zoom, inverse.1 / zoom),
-            width,
-            height,
-            valid_radius2,
-        };
+        let plain = Self::of(distortion, intrinsics, size).filter(|_| distortion.is_finite())?;
+        let zoomed = |zoom: f64| Self { inverse: (plain.inverse.0 / zoom, plain.inverse.1 / zoom), ..plain.clone() };
         let (mut low, mut high) = (1.0, ZOOM_MAX);
         if zoomed(low).is_filled() {
             high = low;

@@ -29,5 +29,5 @@ pub mod statistics;
 pub use atomic::write_atomic;
 pub use error::FileError;
 pub use intrinsics::Intrinsics;
-pub use sentence::{agree, counted, printable};
+pub use sentence::{agree, clause, counted, printable};
 pub use statistics::{mean, median};

@@ -160,6 +160,11 @@ impl Number {
         known.then_some(Self { kind: *kind, bytes, big_endian: descr.starts_with('>') })
     }
 
+    /// The same numbers, the highest byte first.
+    pub fn set_big_endian(&mut self) {
+        self.big_endian = true;
+    }
+
     /// Bytes of a value.
     pub fn bytes(self) -> usize {
         self.bytes
@@ -196,9 +201,7 @@ impl Number {
     /// The bits of the value, zeros above.
     fn raw(self, bytes: &[u8]) -> u64 {
         let mut raw = [0_u8; 8];
-        for (slot, byte) in raw.iter_mut().zip(&bytes[..self.bytes]) {
-            *slot = *byte;
-        }
+        raw[..self.bytes].copy_from_slice(&bytes[..self.bytes]);
         if self.big_endian {
             raw[..self.bytes].reverse();
         }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::error::FileError;
+use crate::npy::Number;
 
 /// Longest header that is read, bytes; a header of Gaussians has 2 KB.
 pub const HEADER_MAX: usize = 1 << 16;
@@ -29,74 +30,19 @@ impl Encoding {
     }
 }
 
-/// Type of a property: signed and unsigned whole numbers, and floats, by their bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the names are those of Rust's types")]
-pub enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl Scalar {
-    fn parse(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    /// Bytes in a binary file.
-    pub fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// Whether values have a fraction.
-    pub fn is_float(self) -> bool {
-        matches!(self, Self::F32 | Self::F64)
-    }
-
-    /// The value at the start of `bytes`.
-    pub fn decode(self, bytes: &[u8], encoding: Encoding) -> f64 {
-        /// Reads `$type` in the file's byte order.
-        macro_rules! value {
-            ($type:ty) => {{
-                let mut array = [0; size_of::<$type>()];
-                array.copy_from_slice(&bytes[..size_of::<$type>()]);
-                match encoding {
-                    Encoding::BigEndian => <$type>::from_be_bytes(array),
-                    _ => <$type>::from_le_bytes(array),
-                }
-            }};
-        }
-        match self {
-            Self::I8 => value!(i8).into(),
-            Self::U8 => value!(u8).into(),
-            Self::I16 => value!(i16).into(),
-            Self::U16 => value!(u16).into(),
-            Self::I32 => value!(i32).into(),
-            Self::U32 => value!(u32).into(),
-            Self::F32 => value!(f32).into(),
-            Self::F64 => value!(f64),
-        }
-    }
+/// The number type of a name: signed and unsigned whole numbers, and floats.
+fn scalar(name: &str) -> Option<Number> {
+    Number::parse(match name {
+        "char" | "int8" => "i1",
+        "uchar" | "uint8" => "u1",
+        "short" | "int16" => "i2",
+        "ushort" | "uint16" => "u2",
+        "int" | "int32" => "i4",
+        "uint" | "uint32" => "u4",
+        "float" | "float32" => "f4",
+        "double" | "float64" => "f8",
+        _ => return None,
+    })
 }
 
 /// A property of an element.
@@ -104,8 +50,8 @@ impl Scalar {
 pub struct Property {
     /// Its name.
     pub name: String,
-    /// `None` for a list, whose length is in the data.
-    pub scalar: Option<Scalar>,
+    /// The type, in the byte order of the file; `None` for a list, whose length is in the data.
+    pub scalar: Option<Number>,
 }
 
 /// An element: `count` records of its properties.
@@ -122,7 +68,15 @@ pub struct Element {
 impl Element {
     /// Bytes of a binary record; `None` for a record with a list.
     pub fn stride(&self) -> Option<usize> {
-        self.properties.iter().map(|property| property.scalar.map(Scalar::size)).sum()
+        self.properties.iter().map(|property| property.scalar.map(Number::bytes)).sum()
+    }
+
+    /// Index, first byte in a binary record without lists, and type of the property of a name; `None` without it, and
+    /// for a list.
+    pub fn column(&self, name: &str) -> Option<(usize, usize, Number)> {
+        let index = self.properties.iter().position(|property| property.name == name)?;
+        let before = self.properties[..index].iter().filter_map(|property| property.scalar).map(Number::bytes).sum();
+        Some((index, before, self.properties[index].scalar?))
     }
 }
 
@@ -175,7 +129,7 @@ impl Header {
                 ["property", ref words @ .., name] => {
                     let scalar = match words {
                         ["list", _, _] => None,
-                        [scalar] => Some(Scalar::parse(scalar).ok_or_else(|| unclear("a PLY scalar type"))?),
+                        [scalar] => Some(self::scalar(scalar).ok_or_else(|| unclear("a PLY scalar type"))?),
                         _ => return Err(unclear("a type and a name")),
                     };
                     let element = elements.last_mut().ok_or_else(|| unclear("an element before"))?;
@@ -183,6 +137,10 @@ impl Header {
                 }
                 ["end_header"] => {
                     let encoding = encoding.ok_or_else(|| unclear("a line `format` before"))?;
+                    if encoding == Encoding::BigEndian {
+                        let properties = elements.iter_mut().flat_map(|element| &mut element.properties);
+                        properties.filter_map(|property| property.scalar.as_mut()).for_each(Number::set_big_endian);
+                    }
                     return Ok(Self { encoding, elements, comments, len });
                 }
                 _ => return Err(unclear("a line of a PLY header")),

@@ -63,3 +63,8 @@ pub fn counted(count: usize, noun: &str) -> String {
 pub fn agree<'a>(count: usize, one: &'a str, many: &'a str) -> &'a str {
     if count == 1 { one } else { many }
 }
+
+/// "1 view is", "2 views are": a count, its noun, and the verb that goes with it.
+pub fn clause(count: usize, noun: &str, one: &str, many: &str) -> String {
+    format!("{} {}", counted(count, noun), agree(count, one, many))
+}

@@ -1,9 +1,10 @@
 //! Labels of points from labelled boxes: which box a point is in, and how that box moves to the next frame.
 
 use glam::DVec3;
+use gs_datasets::DatasetError;
 use rayon::prelude::*;
 
-use crate::sweep::{Cuboid, Labels, ObjectClass};
+use crate::sweep::{Cuboid, Labels, ObjectClass, Sweep};
 
 /// Boxes are enlarged by this on each side, metres, so that points of mirrors and of the noise of ranging are inside;
 /// the labels of Argoverse 2 use 0.2 m in length and width, which is 0.1 m a side.
@@ -12,9 +13,24 @@ const MARGIN: f64 = 0.1;
 /// The interval of flow, seconds.
 pub const FLOW_INTERVAL: f64 = 0.1;
 
-/// Labels of points from the boxes of their frame and of the next one, which is `interval` seconds later. A point
-/// outside of all boxes is background that does not move; a point in several boxes belongs to the smallest.
-pub(crate) fn labels(points: &[[f32; 3]], sensor: &[u8], boxes: &[Cuboid], next: Option<(&[Cuboid], f64)>) -> Labels {
+/// Longest time between two frames whose boxes are compared for flow, seconds: one frame may be missing.
+const PAIR_MAX: f64 = 0.25;
+
+/// Labels of points from the boxes of their frame and of the next one, which `later` reads and which is `interval`
+/// seconds later. A point outside of all boxes is background that does not move; a point in several boxes belongs to
+/// the smallest.
+pub(crate) fn labels(
+    sweep: &Sweep,
+    boxes: &[Cuboid],
+    interval: Option<f64>,
+    later: impl FnOnce() -> Result<Option<Vec<Cuboid>>, DatasetError>,
+) -> Result<Labels, DatasetError> {
+    let interval = interval.filter(|interval| *interval <= PAIR_MAX);
+    let next = if interval.is_some() { later()? } else { None };
+    Ok(of_boxes(&sweep.points, &sweep.sensor, boxes, next.as_deref().zip(interval)))
+}
+
+fn of_boxes(points: &[[f32; 3]], sensor: &[u8], boxes: &[Cuboid], next: Option<(&[Cuboid], f64)>) -> Labels {
     let mut order: Vec<&Cuboid> = boxes.iter().collect();
     order.sort_by(|a, b| a.size.element_product().total_cmp(&b.size.element_product()));
     let mut tracks: Vec<String> = order.iter().map(|cuboid| cuboid.track.clone()).collect();
@@ -23,7 +39,8 @@ pub(crate) fn labels(points: &[[f32; 3]], sensor: &[u8], boxes: &[Cuboid], next:
     let instances: Vec<u32> =
         order.iter().map(|cuboid| 1 + tracks.binary_search(&cuboid.track).unwrap_or_default() as u32).collect();
     let classes: Vec<ObjectClass> = order.iter().map(|cuboid| ObjectClass::of_label(&cuboid.label)).collect();
-    let later: Vec<Option<&Cuboid>> = order.iter().map(|cuboid| later(cuboid, next)).collect();
+    let same = |cuboid: &Cuboid| next?.0.iter().find(|other| other.id == cuboid.id);
+    let later: Vec<Option<&Cuboid>> = order.iter().map(|cuboid| same(cuboid)).collect();
     let scale = next.map_or(1.0, |(_, interval)| FLOW_INTERVAL / interval);
     let inside: Vec<Option<usize>> = points
         .par_iter()
@@ -51,9 +68,4 @@ pub(crate) fn labels(points: &[[f32; 3]], sensor: &[u8], boxes: &[Cuboid], next:
         tracks,
         semantic: Vec::new(),
     }
-}
-
-/// The box of the same object in the next frame.
-fn later<'a>(cuboid: &Cuboid, next: Option<(&'a [Cuboid], f64)>) -> Option<&'a Cuboid> {
-    next?.0.iter().find(|other| other.id == cuboid.id)
 }

@@ -3,8 +3,9 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use gs_base::{agree, counted, printable};
-use gs_datasets::{DatasetError, FrameSource};
+use gs_base::statistics::range;
+use gs_base::{agree, clause, counted, median, printable};
+use gs_datasets::{DatasetError, FrameSource, write_findings};
 use rayon::prelude::*;
 
 use crate::draw;
@@ -42,16 +43,7 @@ impl fmt::Display for DrivingReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = self.format.map_or("not recognised", LogFormat::name);
         writeln!(f, "{}: {name}", printable(&self.path.to_string_lossy()))?;
-        for (label, sentences) in [("", &self.facts), ("warning: ", &self.warnings), ("error: ", &self.errors)] {
-            for sentence in sentences {
-                writeln!(f, "  {label}{sentence}")?;
-            }
-        }
-        match (self.errors.len(), self.warnings.len()) {
-            (0, 0) => write!(f, "Good to load."),
-            (0, count) => write!(f, "Good to load, with {}.", counted(count, "warning")),
-            (count, _) => write!(f, "Cannot be loaded: {}.", counted(count, "error")),
-        }
+        write_findings(f, &self.facts, &self.warnings, &self.errors)
     }
 }
 
@@ -102,9 +94,7 @@ fn describe_frames(log: &DrivingLog, report: &mut DrivingReport) {
     let frames = log.frames();
     let span = frames.last().map_or(0.0, |last| last.time - frames[0].time);
     let way: f64 = frames.windows(2).map(|pair| pair[1].ego.w_axis.distance(pair[0].ego.w_axis)).sum();
-    let mut intervals: Vec<f64> = frames.windows(2).map(|pair| pair[1].time - pair[0].time).collect();
-    intervals.sort_by(f64::total_cmp);
-    let usual = intervals.get(intervals.len() / 2);
+    let usual = median(frames.windows(2).map(|pair| pair[1].time - pair[0].time).collect());
     let interval = usual.map_or(String::new(), |usual| format!(", one every {:.0} ms", 1e3 * usual));
     report.facts.push(format!(
         "{} over {span:.1} s{interval}; the ego vehicle drives {way:.1} m.",
@@ -130,7 +120,7 @@ fn describe_cameras(log: &DrivingLog, report: &mut DrivingReport) {
             .filter(|frame| log.view_index(*frame, index).is_some())
             .filter_map(|frame| Some(1e3 * (log.shot(frame, index)?.time - log.frames()[frame].time)))
             .collect();
-        let (low, high) = bounds(&skews);
+        let (low, high) = bounds(skews.iter().copied());
         report.facts.push(format!(
             "{}: {} of {} x {} pixels, focal length {:.0}, taken {low:.1} to {high:.1} ms after the time of the sweep.",
             camera.name,
@@ -177,8 +167,7 @@ fn describe_sweeps(log: &DrivingLog, report: &mut DrivingReport) {
         }
     }
     report.errors.extend(sentences(&broken));
-    let points: Vec<f64> = good.iter().map(|note| note.points as f64).collect();
-    let (low, high) = bounds(&points);
+    let (low, high) = bounds(good.iter().map(|note| note.points as f64));
     let sensors = [0, 1].map(|sensor| good.iter().map(|note| note.by_sensor[sensor]).sum::<usize>());
     let share = sensors[1] as f64 / (sensors[0] + sensors[1]).max(1) as f64;
     report.facts.push(format!(
@@ -186,12 +175,7 @@ fn describe_sweeps(log: &DrivingLog, report: &mut DrivingReport) {
         counted(good.len(), "sweep"),
         100.0 * share
     ));
-    let spans: Vec<(f64, f64)> = good.iter().filter_map(|note| note.span).collect();
-    if !spans.is_empty() {
-        let (first, last) = (
-            bounds(&spans.iter().map(|s| s.0).collect::<Vec<_>>()).0,
-            bounds(&spans.iter().map(|s| s.1).collect::<Vec<_>>()).1,
-        );
+    if let Some((first, last)) = range(good.iter().filter_map(|note| note.span).flat_map(<[f64; 2]>::from)) {
         report.facts.push(format!(
             "Points are taken {:.0} to {:.0} ms after the time of their sweep.",
             1e3 * first,
@@ -199,26 +183,23 @@ fn describe_sweeps(log: &DrivingLog, report: &mut DrivingReport) {
         ));
     }
     let objects: Vec<f64> = good.iter().filter_map(|note| note.objects.map(|count| count as f64)).collect();
-    report.facts.push(match objects.is_empty() {
-        true => "No sweep is labelled.".to_string(),
-        false => format!(
-            "{} labelled, with {:.0} to {:.0} objects.",
-            counted(objects.len(), "sweep"),
-            bounds(&objects).0,
-            bounds(&objects).1
-        ),
+    report.facts.push(match range(objects.iter().copied()) {
+        None => "No sweep is labelled.".to_string(),
+        Some((few, many)) => {
+            format!("{} labelled, with {few:.0} to {many:.0} objects.", counted(objects.len(), "sweep"))
+        }
     });
     let left_out: usize = good.iter().map(|note| note.left_out).sum();
     if left_out > 0 {
-        report.warnings.push(format!("{} not finite or too far away and left out", subject(left_out, "point")));
+        report
+            .warnings
+            .push(format!("{} not finite or too far away and left out", clause(left_out, "point", "is", "are")));
     }
     let empty = good.iter().filter(|note| note.points == 0).count();
     if empty > 0 {
-        report.warnings.push(format!("{} without a point", subject(empty, "sweep")));
+        report.warnings.push(format!("{} without a point", clause(empty, "sweep", "is", "are")));
     }
-    let seen: Vec<f64> = good.iter().filter_map(|note| note.seen).collect();
-    if !seen.is_empty() {
-        let (low, high) = bounds(&seen);
+    if let Some((low, high)) = range(good.iter().filter_map(|note| note.seen)) {
         report.facts.push(format!(
             "{:.0} to {:.0} % of the points of a sweep are in an image of its frame.",
             100.0 * low,
@@ -232,10 +213,6 @@ fn describe_sweeps(log: &DrivingLog, report: &mut DrivingReport) {
     }
 }
 
-fn subject(count: usize, noun: &str) -> String {
-    format!("{} {}", counted(count, noun), agree(count, "is", "are"))
-}
-
 fn note(log: &DrivingLog, frame: usize, sweep: &Sweep) -> SweepNote {
     let views: Vec<_> = (0..log.cameras().len())
         .filter(|camera| log.view_index(frame, *camera).is_some())
@@ -244,44 +221,36 @@ fn note(log: &DrivingLog, frame: usize, sweep: &Sweep) -> SweepNote {
     let is_seen = |point: &&[f32; 3]| views.iter().any(|(camera, w2c)| project(camera, w2c, **point).is_some());
     let seen = sweep.points.iter().filter(is_seen).count() as f64 / sweep.len().max(1) as f64;
     let time = log.frames()[frame].time;
-    let span = sweep.times.iter().fold(None, |span: Option<(f64, f64)>, t| {
-        let after = t - time;
-        Some(span.map_or((after, after), |(low, high)| (low.min(after), high.max(after))))
-    });
     SweepNote {
         points: sweep.len(),
         left_out: sweep.left_out,
         seen: (!views.is_empty()).then_some(seen),
         by_sensor: [true, false].map(|first| sweep.sensor.iter().filter(|sensor| (**sensor == 0) == first).count()),
-        span,
+        span: range(sweep.times.iter().map(|t| t - time)),
         objects: sweep.labels.as_ref().map(|labels| labels.tracks.len()),
     }
 }
 
 /// Least and greatest value; zeros of an empty list.
-fn bounds(values: &[f64]) -> (f64, f64) {
-    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if values.is_empty() { (0.0, 0.0) } else { (low, high) }
+fn bounds(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    range(values).unwrap_or_default()
 }
 
 fn draw_middle(log: &DrivingLog, folder: &Path, report: &mut DrivingReport) -> Result<(), DatasetError> {
-    let complete: Vec<usize> = (0..log.frames().len())
-        .filter(|frame| log.frames()[*frame].has_sweep)
-        .filter(|frame| (0..log.cameras().len()).any(|camera| log.view_index(*frame, camera).is_some()))
-        .collect();
+    let cameras =
+        |frame: usize| (0..log.cameras().len()).filter(move |camera| log.view_index(frame, *camera).is_some());
+    let frames = (0..log.frames().len()).filter(|frame| log.frames()[*frame].has_sweep);
+    let complete: Vec<usize> = frames.filter(|frame| cameras(*frame).next().is_some()).collect();
     let Some(frame) = complete.get(complete.len() / 2) else {
         report.warnings.push("no frame has a sweep and an image; nothing is drawn".to_string());
         return Ok(());
     };
     let sweep = log.sweep(*frame)?;
     let mut drawn = 0;
-    for camera in 0..log.cameras().len() {
-        if log.view_index(*frame, camera).is_some() {
-            let file = format!("{}-{}.png", log.cameras()[camera].name, log.frames()[*frame].name);
-            draw::overlay(log, *frame, camera, &sweep, &folder.join(file))?;
-            drawn += 1;
-        }
+    for camera in cameras(*frame) {
+        let file = format!("{}-{}.png", log.cameras()[camera].name, log.frames()[*frame].name);
+        draw::overlay(log, *frame, camera, &sweep, &folder.join(file))?;
+        drawn += 1;
     }
     report.facts.push(format!(
         "The sweep of frame {} is drawn into {} in {}.",

@@ -1,9 +1,10 @@
 //! The description of a log, before any sweep or image is decoded.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
-use gs_base::Intrinsics;
+use gs_base::{Intrinsics, counted};
+use gs_datasets::some_names;
 
 /// A frame: one sweep of the LiDAR and one image of each camera, as far as they are there.
 #[derive(Debug, Clone, PartialEq)]
@@ -59,4 +60,20 @@ pub(crate) struct Description {
     pub shots: Vec<Vec<Option<Shot>>>,
     /// Omissions, in sentences.
     pub warnings: Vec<String>,
+}
+
+/// A pose with `origin` subtracted from its position.
+pub(crate) fn centred(mut pose: DMat4, origin: DVec3) -> DMat4 {
+    pose.w_axis -= origin.extend(0.0);
+    pose
+}
+
+/// The name of a log by its folder.
+pub(crate) fn folder_name(folder: &Path) -> String {
+    folder.file_name().map_or_else(|| "log".to_string(), |name| name.to_string_lossy().into_owned())
+}
+
+/// "2 cameras without an image: a, b"; `None` where there are none.
+pub(crate) fn without<S: AsRef<str>>(what: &str, noun: &str, names: &[S]) -> Option<String> {
+    (!names.is_empty()).then(|| format!("{} without {what}: {}", counted(names.len(), noun), some_names(names)))
 }

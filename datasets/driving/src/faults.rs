@@ -1,66 +1,21 @@
 //! One mistake of a whole log is found in every file: it is said once, with its count.
 
-use std::collections::HashMap;
 use std::path::Path;
 
-use gs_base::{FileError, counted, printable};
-use gs_datasets::{DatasetError, some_names};
-
-/// Errors of one kind in one folder.
-struct Group {
-    /// The sentence of the first.
-    whole: String,
-    /// The same about the folder.
-    common: String,
-    /// Names of the files.
-    files: Vec<String>,
-}
+use gs_base::{FileError, counted};
+use gs_datasets::{Common, DatasetError, said_once};
 
 /// The errors in the order found; those of one kind in the files of one folder are one sentence, with what the first
 /// file has.
 pub(crate) fn sentences(errors: &[DatasetError]) -> Vec<String> {
-    let mut groups: Vec<Group> = Vec::new();
-    let mut places: HashMap<String, usize> = HashMap::new();
-    for error in errors {
-        let whole = error.to_string();
-        let Some(Parts { kind, common, file }) = apart(error) else {
-            groups.push(Group { whole, common: String::new(), files: Vec::new() });
-            continue;
-        };
-        let place = *places.entry(kind).or_insert(groups.len());
-        if place == groups.len() {
-            groups.push(Group { whole, common, files: Vec::new() });
-        }
-        groups[place].files.push(file);
-    }
-    groups.into_iter().map(Group::sentence).collect()
+    said_once(errors, apart, |count| format!("in {}", counted(count, "file")))
 }
 
-impl Group {
-    fn sentence(self) -> String {
-        match self.files.len() {
-            0 | 1 => self.whole,
-            count => {
-                let files = some_names(&self.files);
-                let about = format!("{} (in {}: {files})", self.common, counted(count, "file"));
-                printable(&about).into_owned()
-            }
-        }
-    }
-}
-
-/// An error without the name of its file.
-struct Parts {
-    /// Equal for errors of one kind: places in the files and what was found there may differ.
-    kind: String,
-    common: String,
-    file: String,
-}
-
-fn apart(error: &DatasetError) -> Option<Parts> {
+/// Places in the files and what was found there may differ.
+fn apart(error: &DatasetError) -> Option<Common> {
     let of = |path: &Path, kind: String, complaint: String| {
         let (folder, file) = (path.parent()?.display(), path.file_name()?.to_string_lossy().into_owned());
-        Some(Parts { kind: format!("{folder}: {kind}"), common: format!("{folder}: {complaint}"), file })
+        Some(Common { kind: format!("{folder}: {kind}"), text: format!("{folder}: {complaint}"), name: file })
     };
     match error {
         DatasetError::File(FileError::Malformed { path, location, expected, found }) => {

@@ -3,6 +3,8 @@
 
 use gs_datasets::View;
 
+use crate::pixels::{color, counts, median_color};
+
 /// Largest difference of a channel from the background's colour, of 255, that is still background: above rounding and
 /// the noise of a lossy file, below the shade of a bright object. Likewise the largest alpha.
 const SAME: u8 = 6;
@@ -31,7 +33,6 @@ pub fn foreground_masks(views: &[View]) -> Option<Vec<Option<Vec<u8>>>> {
 
 /// For each view, 255 at the pixels that count and for which `shows` is true.
 fn masks(views: &[View], shows: impl Fn(&View, usize) -> bool) -> Vec<Option<Vec<u8>>> {
-    let counts = |view: &View, pixel: usize| view.mask.as_ref().is_none_or(|mask| mask[pixel] > 0);
     let level = |view: &View, pixel: usize| if counts(view, pixel) && shows(view, pixel) { 255 } else { 0 };
     let mask = |view: &View| (0..view.width * view.height).map(|pixel| level(view, pixel)).collect();
     views.iter().map(|view| Some(mask(view))).collect()
@@ -39,36 +40,17 @@ fn masks(views: &[View], shows: impl Fn(&View, usize) -> bool) -> Vec<Option<Vec
 
 /// The median colour along the borders of all views.
 fn background_color(views: &[View]) -> Option<[u8; 3]> {
-    let mut channels: [Vec<u8>; 3] = Default::default();
-    for view in views {
-        for pixel in border(view) {
-            for (channel, values) in channels.iter_mut().enumerate() {
-                values.push(view.image.data[3 * pixel + channel]);
-            }
-        }
-    }
-    let mut color = [0; 3];
-    for (values, median) in channels.iter_mut().zip(&mut color) {
-        if values.is_empty() {
-            return None;
-        }
-        let middle = values.len() / 2;
-        *median = *values.select_nth_unstable(middle).1;
-    }
-    Some(color)
+    let colors: Vec<[u8; 3]> = views.iter().flat_map(|view| border(view).map(|pixel| color(view, pixel))).collect();
+    median_color(&colors)
 }
 
 fn is_plain(view: &View, color: [u8; 3]) -> bool {
-    let (mut same, mut count) = (0_usize, 0_usize);
-    for pixel in border(view) {
-        same += usize::from(is_same(view, pixel, color));
-        count += 1;
-    }
-    same as f64 >= BORDER * count as f64
+    let same = border(view).filter(|pixel| is_same(view, *pixel, color)).count();
+    same as f64 >= BORDER * border(view).count() as f64
 }
 
 fn is_same(view: &View, pixel: usize, color: [u8; 3]) -> bool {
-    (0..3).all(|channel| view.image.data[3 * pixel + channel].abs_diff(color[channel]) <= SAME)
+    self::color(view, pixel).iter().zip(color).all(|(a, b)| a.abs_diff(b) <= SAME)
 }
 
 /// The pixels of the image's outermost rows and columns.

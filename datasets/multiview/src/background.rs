@@ -10,7 +10,7 @@ use crate::cluster::{Cluster, Pixel, classify, distance2};
 use crate::illumination::LightLimits;
 use crate::noise::Noise;
 use crate::options::MaskOptions;
-use crate::pixels::{color, counts};
+use crate::pixels::{color, counts, median_color};
 
 /// Two colours differ from this squared distance on, over the variance of the noise: five standard deviations.
 const OTHER: f32 = 25.0;
@@ -44,8 +44,11 @@ pub fn background(views: &[View], camera: &StaticCamera, options: &MaskOptions) 
     let (width, height) = model.size;
     let mut data = Vec::with_capacity(3 * width * height);
     for (pixel, mean) in model.mean.iter().enumerate() {
-        let color = if model.state[pixel] == State::Stable { *mean } else { median_color(views, camera, pixel) };
-        data.extend(color.map(|value| value.round().clamp(0.0, 255.0) as u8));
+        let over_time = || camera.views.iter().map(|index| color(&views[*index], pixel)).collect::<Vec<_>>();
+        data.extend(match model.state[pixel] {
+            State::Stable => mean.map(|value| value.round().clamp(0.0, 255.0) as u8),
+            _ => median_color(&over_time()).expect("a static camera has views"),
+        });
     }
     let known = model.state.iter().map(|state| *state == State::Stable).collect();
     Some(Background { image: RgbImage8 { width, height, data }, known })
@@ -160,14 +163,6 @@ fn pixel_deviation(samples: &[[u8; 3]], noise: &Noise, steps: &mut Vec<u16>) -> 
     let Some(step) = median_by(steps, u16::cmp) else { return (usual, usual) };
     let own = f32::from(step) / 3.0 / MEAN_DIFFERENCE;
     (usual, own.clamp(usual, FLICKER * usual))
-}
-
-/// The median over time, per channel.
-fn median_color(views: &[View], camera: &StaticCamera, pixel: usize) -> [f32; 3] {
-    [0, 1, 2].map(|c| {
-        let mut values: Vec<u8> = camera.views.iter().map(|i| views[*i].image.data[3 * pixel + c]).collect();
-        f32::from(median_by(&mut values, u8::cmp).expect("a static camera has views"))
-    })
 }
 
 /// Counts of each colour on passing objects and on the background, at pixels whose background is certain.

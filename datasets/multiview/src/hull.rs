@@ -8,7 +8,6 @@
 //! a rig on one side leaves it long in that direction, and masks of blurry photos add the path of one exposure.
 
 use glam::{DVec3, UVec3};
-use gs_base::statistics::median_by;
 
 use gs_datasets::{PointCloud, Scene, View};
 
@@ -17,6 +16,7 @@ use crate::carve::{Consensus, Silhouette, Voxels, support};
 use crate::centres::{Blob, locate, mask_of};
 use crate::options::HullOptions;
 use crate::pinhole::Pinhole;
+use crate::pixels::{color, median_color};
 use crate::regions::fill_holes;
 
 /// Voxels along the box in the coarse carving. The object fills most of the box, so a limb of a tenth of it still
@@ -306,9 +306,9 @@ fn colors(
             let (x, y) = one.camera.pixel(pixel)?;
             let view = &views[*index];
             let at = y * view.width + x;
-            let data = view.image.data.get(3 * at..3 * at + 3)?;
-            let visible = depth <= nearest[at] + slack && one.contains(position) == Some(true);
-            visible.then(|| [data[0], data[1], data[2]])
+            let is_there = 3 * at + 3 <= view.image.data.len();
+            let visible = is_there && depth <= nearest[at] + slack && one.contains(position) == Some(true);
+            visible.then(|| color(view, at))
         });
         looks.collect()
     };
@@ -319,10 +319,7 @@ fn colors(
             if seen.is_empty() {
                 seen = seen_by(*position, f64::INFINITY);
             }
-            [0, 1, 2].map(|c| {
-                let mut values: Vec<u8> = seen.iter().map(|color| color[c]).collect();
-                median_by(&mut values, u8::cmp).unwrap_or(128)
-            })
+            median_color(&seen).unwrap_or([128; 3])
         })
         .collect()
 }

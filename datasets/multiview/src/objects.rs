@@ -4,7 +4,7 @@
 //! is an object, and every region of a mask belongs to the component that projects into it. Where two components
 //! share a region (one passes in front of the other) that camera does not count for either.
 
-use glam::{DVec3, UVec3};
+use glam::DVec3;
 
 use gs_datasets::{Scene, View};
 
@@ -13,7 +13,7 @@ use crate::carve::Voxels;
 use crate::centres::{Blob, Centre, centres, locate, mask_of};
 use crate::hull::Solid;
 use crate::options::{CueOptions, HullOptions, ObjectOptions};
-use crate::regions::{NOWHERE, regions};
+use crate::regions::{self, NOWHERE, regions};
 
 /// Points of the hull. They set its resolution, and components need not be finer.
 const POINTS: usize = 3000;
@@ -174,28 +174,21 @@ fn components(
 
 /// Index of each voxel's component, [`NOWHERE`] if empty, and the number of voxels of each component.
 fn label(voxels: &Voxels) -> (Vec<u32>, Vec<usize>) {
-    let mut labels = vec![NOWHERE; voxels.filled.len()];
     let mut counts = Vec::new();
-    let mut stack: Vec<UVec3> = Vec::new();
-    for start in voxels.cells() {
-        if labels[voxels.index(start)] != NOWHERE {
-            continue;
-        }
-        let component = counts.len() as u32;
-        counts.push(0);
-        labels[voxels.index(start)] = component;
-        stack.push(start);
-        while let Some(cell) = stack.pop() {
-            counts[component as usize] += 1;
-            for next in voxels.around(cell, true) {
-                let index = voxels.index(next);
-                if voxels.filled[index] && labels[index] == NOWHERE {
-                    labels[index] = component;
-                    stack.push(next);
-                }
+    let around = |index: usize, visit: &mut dyn FnMut(usize)| {
+        voxels.around(voxels.cell(index), true).for_each(|next| visit(voxels.index(next)));
+    };
+    let labels = regions::label(
+        voxels.filled.len(),
+        |index| voxels.filled[index],
+        around,
+        |component, _| {
+            if component == counts.len() {
+                counts.push(0);
             }
-        }
-    }
+            counts[component] += 1;
+        },
+    );
     (labels, counts)
 }
 

@@ -17,6 +17,7 @@ use gs_datasets::{PointCloud, View};
 use crate::depth_range::DepthRange;
 use crate::grey::Grey;
 use crate::patch::{Patch, Pixels, TEXTURE};
+use crate::pixels::{color, counts};
 
 /// Photos are reduced to about this width where nothing is known of their depths, so that patches span enough of the
 /// scene to be distinctive over many depths.
@@ -122,7 +123,7 @@ fn sweep(
         let view = &views[from];
         let [column, row] = pixel.map(|x| x * step + step / 2);
         let (column, row) = (column.min(view.width - 1), row.min(view.height - 1));
-        if view.mask.as_ref().is_some_and(|mask| mask[row * view.width + column] == 0) {
+        if !counts(view, row * view.width + column) {
             return None;
         }
         let depths = depths(from, pixel)?;
@@ -130,8 +131,7 @@ fn sweep(
         let depth = depths.at(Search { photos, from, beside: &beside[from] }.peak(centre, &depths)?);
         let ray = photos[from].intrinsics.ray(centre.x, centre.y);
         let position = view.c2w.transform_point3(ray * depth).as_vec3();
-        let color = [0, 1, 2].map(|c| view.image.data[3 * (row * view.width + column) + c]);
-        Some((position, color))
+        Some((position, color(view, row * view.width + column)))
     };
     for batch in 0..TRIES {
         let rays = batch * count..(batch + 1) * count;

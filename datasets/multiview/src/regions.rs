@@ -22,31 +22,48 @@ pub(crate) const NOWHERE: u32 = u32::MAX;
 /// The regions of the pixels that satisfy `is_in`, joined over edges, and over corners too if `corners`.
 pub(crate) fn regions(size: (usize, usize), corners: bool, is_in: impl Fn(usize) -> bool) -> Regions {
     let (width, height) = size;
-    let mut labels = vec![NOWHERE; width * height];
     let mut list = Vec::new();
-    let mut stack = Vec::new();
-    for start in 0..width * height {
+    let around = |pixel: usize, visit: &mut dyn FnMut(usize)| {
+        neighbours(pixel % width, pixel / width, size, corners, visit);
+    };
+    let labels = label(width * height, is_in, around, |label, pixel| {
+        if label == list.len() {
+            list.push(Region { area: 0, first: pixel, at_border: false });
+        }
+        let (x, y) = (pixel % width, pixel / width);
+        list[label].area += 1;
+        list[label].at_border |= x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+    });
+    Regions { labels, list }
+}
+
+/// Labels the connected parts of `count` cells that satisfy `is_in`, in the order of their first cells. `around` visits
+/// the neighbours of a cell, and `found` is told each cell with its part, the first cell of a part first.
+pub(crate) fn label(
+    count: usize,
+    is_in: impl Fn(usize) -> bool,
+    around: impl Fn(usize, &mut dyn FnMut(usize)),
+    mut found: impl FnMut(usize, usize),
+) -> Vec<u32> {
+    let (mut labels, mut parts, mut stack) = (vec![NOWHERE; count], 0, Vec::new());
+    for start in 0..count {
         if labels[start] != NOWHERE || !is_in(start) {
             continue;
         }
-        let label = list.len() as u32;
-        let mut region = Region { area: 0, first: start, at_border: false };
-        labels[start] = label;
+        labels[start] = parts;
         stack.push(start);
-        while let Some(pixel) = stack.pop() {
-            region.area += 1;
-            let (x, y) = (pixel % width, pixel / width);
-            region.at_border |= x == 0 || y == 0 || x + 1 == width || y + 1 == height;
-            neighbours(x, y, size, corners, |next| {
+        while let Some(cell) = stack.pop() {
+            found(parts as usize, cell);
+            around(cell, &mut |next| {
                 if labels[next] == NOWHERE && is_in(next) {
-                    labels[next] = label;
+                    labels[next] = parts;
                     stack.push(next);
                 }
             });
         }
-        list.push(region);
+        parts += 1;
     }
-    Regions { labels, list }
+    labels
 }
 
 fn neighbours(x: usize, y: usize, (width, height): (usize, usize), corners: bool, mut visit: impl FnMut(usize)) {

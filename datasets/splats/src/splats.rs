@@ -132,6 +132,12 @@ pub(crate) fn unit(q: [f32; 4]) -> [f64; 4] {
     if norm > 0.0 { q.map(|x| x / norm) } else { [1.0, 0.0, 0.0, 0.0] }
 }
 
+/// [`unit`] in the order x y z w.
+pub(crate) fn unit_xyzw(q: [f32; 4]) -> [f32; 4] {
+    let [w, x, y, z] = unit(q);
+    [x, y, z, w].map(|x| x as f32)
+}
+
 /// `1 / (1 + exp(-x))`.
 pub(crate) fn sigmoid(logit: f32) -> f64 {
     1.0 / (1.0 + (-f64::from(logit)).exp())

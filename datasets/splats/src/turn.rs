@@ -12,27 +12,26 @@ pub(crate) const FLIPPED_SH: [f32; 16] =
 
 /// Turned by 180 degrees about x: from y down to y up, and back. To the bit: only signs change.
 pub fn flip(splats: &Splats) -> Splats {
-    let s = splats.coefficients();
-    Splats {
-        means: splats.means.iter().copied().map(flip_vector).collect(),
-        offset: flip_offset(splats.offset),
-        // The Gaussian's own axes y and z are reversed with the world's, which its shape does not see.
-        quats: splats.quats.iter().map(|[w, x, y, z]| [*w, *x, -y, -z]).collect(),
-        sh: splats.sh.iter().enumerate().map(|(i, c)| c.map(|c| FLIPPED_SH[i % s] * c)).collect(),
-        log_scales: splats.log_scales.clone(),
-        opacity_logits: splats.opacity_logits.clone(),
-        degree: splats.degree,
-        antialiased: splats.antialiased,
-    }
+    let (mut flipped, s) = (splats.clone(), splats.coefficients());
+    flipped.means.iter_mut().for_each(|mean| *mean = flip_vector(*mean));
+    flipped.offset = flip_offset(splats.offset);
+    // The Gaussian's own axes y and z are reversed with the world's, which its shape does not see.
+    flipped.quats.iter_mut().for_each(|q| *q = flip_quaternion(*q));
+    flipped.sh.iter_mut().enumerate().for_each(|(i, c)| *c = c.map(|c| FLIPPED_SH[i % s] * c));
+    flipped
 }
 
 /// [`flip`] of a motion.
 pub fn flip_motion(motion: &Motion) -> Motion {
-    turned_law(motion, flip_vector, |[w, x, y, z]| [w, x, -y, -z])
+    turned_law(motion, flip_vector, flip_quaternion)
 }
 
 fn flip_vector([x, y, z]: [f32; 3]) -> [f32; 3] {
     [x, -y, -z]
+}
+
+fn flip_quaternion([w, x, y, z]: [f32; 4]) -> [f32; 4] {
+    [w, x, -y, -z]
 }
 
 fn flip_offset([x, y, z]: [f64; 3]) -> [f64; 3] {
@@ -44,19 +43,12 @@ fn flip_offset([x, y, z]: [f64; 3]) -> [f64; 3] {
 /// from there as it looked.
 pub fn turn(splats: &Splats, rotation: DMat3) -> Splats {
     let (quat, bands) = (quaternion(rotation), BandTurn::new(rotation));
-    let s = splats.coefficients();
-    let mut sh = splats.sh.clone();
-    sh.chunks_mut(s).for_each(|sh| bands.turn(sh));
-    Splats {
-        means: splats.means.iter().map(|mean| turn_vector(rotation, *mean)).collect(),
-        offset: (rotation * DVec3::from_array(splats.offset)).to_array(),
-        quats: splats.quats.iter().map(|q| turn_quaternion(quat, *q)).collect(),
-        sh,
-        log_scales: splats.log_scales.clone(),
-        opacity_logits: splats.opacity_logits.clone(),
-        degree: splats.degree,
-        antialiased: splats.antialiased,
-    }
+    let (mut turned, s) = (splats.clone(), splats.coefficients());
+    turned.means.iter_mut().for_each(|mean| *mean = turn_vector(rotation, *mean));
+    turned.offset = (rotation * DVec3::from_array(splats.offset)).to_array();
+    turned.quats.iter_mut().for_each(|q| *q = turn_quaternion(quat, *q));
+    turned.sh.chunks_mut(s).for_each(|sh| bands.turn(sh));
+    turned
 }
 
 /// [`turn`] of a motion.
@@ -97,6 +89,11 @@ pub(crate) fn quaternion(rotation: DMat3) -> DQuat {
 
 pub(crate) fn turn_vector(rotation: DMat3, v: [f32; 3]) -> [f32; 3] {
     (rotation * DVec3::from_array(v.map(f64::from))).to_array().map(|x| x as f32)
+}
+
+/// A position moved by a vector.
+pub(crate) fn moved(position: [f32; 3], by: DVec3) -> [f32; 3] {
+    (DVec3::from_array(position.map(f64::from)) + by).to_array().map(|x| x as f32)
 }
 
 pub(crate) fn turn_quaternion(turn: DQuat, q: [f32; 4]) -> [f32; 4] {

@@ -53,30 +53,39 @@ pub fn encode(splats: &Splats, samples: &[Splats]) -> Result<String, String> {
     }
     out.push_str(")\n\ndef Xform \"Scene\"\n{\n    def ParticleField3DGaussianSplat \"Splats\"\n    {\n");
     let every = || std::iter::once(&splats).chain(&samples);
-    attribute(&mut out, "float3[] extent", &[bounds(every())], &[]);
-    let sampled = |list: fn(&Splats) -> String| (list(&splats), samples.iter().map(list).collect::<Vec<_>>());
-    let (first, rest) = sampled(positions);
-    attribute(&mut out, "point3f[] positions", &[first], &rest);
-    let turns = samples.iter().any(|sample| sample.quats != splats.quats);
-    let (first, rest) = sampled(orientations);
-    attribute(&mut out, "quatf[] orientations", &[first], if turns { &rest } else { &[] });
-    let grows = samples.iter().any(|sample| sample.log_scales != splats.log_scales);
-    let (first, rest) = sampled(scales);
-    attribute(&mut out, "float3[] scales", &[first], if grows { &rest } else { &[] });
-    let fades = samples.iter().any(|sample| sample.opacity_logits != splats.opacity_logits);
-    let (first, rest) = sampled(opacities);
-    attribute(&mut out, "float[] opacities", &[first], if fades { &rest } else { &[] });
-    attribute(&mut out, "uniform int radiance:sphericalHarmonicsDegree", &[splats.degree.to_string()], &[]);
-    attribute(&mut out, "float3[] radiance:sphericalHarmonicsCoefficients", &[vectors(&splats.sh)], &[]);
-    attribute(&mut out, "uniform token projectionModeHint", &["\"perspective\"".into()], &[]);
-    attribute(&mut out, "uniform token sortingModeHint", &["\"zDepth\"".into()], &[]);
+    attribute(&mut out, "float3[] extent", &bounds(every()), &[]);
+    // Each with its values, and whether they differ from those of another time.
+    type Array = (&'static str, fn(&Splats) -> String, fn(&Splats, &Splats) -> bool);
+    let arrays: [Array; 4] = [
+        ("point3f[] positions", |splats| vectors(&splats.means), |_, _| true),
+        (
+            "quatf[] orientations",
+            |splats| list(splats.quats.iter().map(|q| unit(*q).map(|x| x as f32))),
+            |a, b| a.quats != b.quats,
+        ),
+        (
+            "float3[] scales",
+            |splats| list(splats.log_scales.iter().map(|s| s.map(f32::exp))),
+            |a, b| a.log_scales != b.log_scales,
+        ),
+        ("float[] opacities", opacities, |a, b| a.opacity_logits != b.opacity_logits),
+    ];
+    for (name, values, differ) in arrays {
+        let changes = samples.iter().any(|sample| differ(sample, &splats));
+        let rest: Vec<String> = samples.iter().filter(|_| changes).map(values).collect();
+        attribute(&mut out, name, &values(&splats), &rest);
+    }
+    attribute(&mut out, "uniform int radiance:sphericalHarmonicsDegree", &splats.degree.to_string(), &[]);
+    attribute(&mut out, "float3[] radiance:sphericalHarmonicsCoefficients", &vectors(&splats.sh), &[]);
+    attribute(&mut out, "uniform token projectionModeHint", "\"perspective\"", &[]);
+    attribute(&mut out, "uniform token sortingModeHint", "\"zDepth\"", &[]);
     out.push_str("    }\n}\n");
     Ok(out)
 }
 
 /// One attribute: its value, or its values at frames.
-fn attribute(out: &mut String, name: &str, value: &[String], samples: &[String]) {
-    let _ = writeln!(out, "        {name} = {}", value.concat());
+fn attribute(out: &mut String, name: &str, value: &str, samples: &[String]) {
+    let _ = writeln!(out, "        {name} = {value}");
     if !samples.is_empty() {
         let _ = writeln!(out, "        {name}.timeSamples = {{");
         for (frame, sample) in samples.iter().enumerate() {
@@ -84,18 +93,6 @@ fn attribute(out: &mut String, name: &str, value: &[String], samples: &[String])
         }
         let _ = writeln!(out, "        }}");
     }
-}
-
-fn positions(splats: &Splats) -> String {
-    vectors(&splats.means)
-}
-
-fn orientations(splats: &Splats) -> String {
-    list(splats.quats.iter().map(|q| unit(*q).map(|x| x as f32)))
-}
-
-fn scales(splats: &Splats) -> String {
-    list(splats.log_scales.iter().map(|s| s.map(f32::exp)))
 }
 
 fn opacities(splats: &Splats) -> String {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gs_base::counted;
+use gs_base::{counted, median};
 
 use super::BlurFromFrames;
 use crate::error::DatasetError;
@@ -112,9 +112,8 @@ fn still(
             return Err(wrong("one lens per camera", format!("another than that of {:?}", first.name)));
         }
     }
-    let mut gaps: Vec<f64> = frames.windows(2).map(|pair| time(&pair[1]) - time(&pair[0])).collect();
-    gaps.sort_by(f64::total_cmp);
-    let spacing = gaps.get(gaps.len() / 2).copied().ok_or_else(|| {
+    let gaps = frames.windows(2).map(|pair| time(&pair[1]) - time(&pair[0])).collect();
+    let spacing = median(gaps).ok_or_else(|| {
         let (location, expected) = (format!("camera {id}"), "video, that is several frames with different times");
         DatasetError::malformed(source, location, expected, "one frame")
     })?;

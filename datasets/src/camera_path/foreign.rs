@@ -121,7 +121,7 @@ fn matrix(keys: &Keys) -> Result<[[f64; 4]; 4], DatasetError> {
 }
 
 fn numbers<const N: usize>(keys: &Keys, name: &str, value: Option<&Value>) -> Result<[f64; N], DatasetError> {
-    let list: Option<Vec<f64>> = value.and_then(|value| value.as_array()?.iter().map(json::as_f64).collect());
+    let list = value.and_then(json::numbers);
     let found = || value.map_or("none".into(), json::kind);
     list.and_then(|list| list.try_into().ok()).ok_or_else(|| keys.wrong(name, &format!("{N} numbers"), found()))
 }

@@ -59,25 +59,22 @@ impl KeyFrames {
     /// # Errors
     /// When it has `keyframes` that are not as they must be.
     pub(super) fn find(top: &Map<String, Value>, file: &Path) -> Result<Option<Self>, DatasetError> {
-        if top.contains_key("keyframes") { Self::of(top, file).map(Some) } else { Ok(None) }
-    }
-
-    fn of(top: &Map<String, Value>, file: &Path) -> Result<Self, DatasetError> {
+        let Some(list) = top.get("keyframes") else { return Ok(None) };
         let keys = Keys { file, location: "top level".into(), objects: vec![top] };
-        let list = top.get("keyframes").and_then(Value::as_array).filter(|list| !list.is_empty());
+        let list = list.as_array().filter(|list| !list.is_empty());
         let list = list.ok_or_else(|| keys.wrong("keyframes", "a list of key frames", "another value".into()))?;
         let read = |(index, value): (usize, &Value)| key(value, index, file);
         let found = list.iter().enumerate().map(read).collect::<Result<Vec<_>, _>>()?;
         let closed = top.get("closed").and_then(Value::as_bool).unwrap_or(false);
         let stretches = if closed { found.len() } else { (found.len() - 1).max(1) };
         let images = ranged(&keys, "images", (IMAGES * stretches) as f64, [1.0, IMAGES_MAX])?;
-        Ok(Self {
+        Ok(Some(Self {
             width: ranged(&keys, "width", SIZE[0], [1.0, SIDE_MAX])? as usize,
             height: ranged(&keys, "height", SIZE[1], [1.0, SIDE_MAX])? as usize,
             images: images as usize,
             keys: found,
             closed,
-        })
+        }))
     }
 
     /// The path: positions on a smooth curve through the key frames, orientations by the shortest turn from one to the
@@ -138,10 +135,9 @@ fn key(value: &Value, index: usize, file: &Path) -> Result<Key, DatasetError> {
     let keys = Keys { file, location, objects: vec![object] };
     let numbers = |name: &str, count: usize| -> Result<Option<Vec<f64>>, DatasetError> {
         let Some(value) = keys.get(name) else { return Ok(None) };
-        let list: Option<Vec<f64>> = value.as_array().and_then(|list| list.iter().map(json::as_f64).collect());
         let sound = |list: &Vec<f64>| list.len() == count && list.iter().all(|x| x.is_finite() && x.abs() <= FARTHEST);
         let wrong = || keys.wrong(name, &format!("{count} finite numbers"), json::kind(value));
-        list.filter(sound).map(Some).ok_or_else(wrong)
+        json::numbers(value).filter(sound).map(Some).ok_or_else(wrong)
     };
     let vector = |name: &str| Ok::<_, DatasetError>(numbers(name, 3)?.map(|v| DVec3::new(v[0], v[1], v[2])));
     let position = vector("position")?.ok_or_else(|| keys.wrong("position", "3 numbers", "nothing".into()))?;

@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::Path;
 
 use glam::DVec3;
-use gs_base::{agree, counted, mean, sentence};
+use gs_base::{agree, counted, mean, median, sentence};
 
 use crate::formats::colmap::model::Model;
 use crate::lens::Lens;
@@ -111,10 +111,9 @@ pub(super) fn describe_points(points: Option<&RawPoints>) -> String {
 pub(super) fn describe_cameras(frames: &[RawFrame]) -> String {
     let centres: Vec<DVec3> = frames.iter().map(|frame| frame.c2w.w_axis.truncate()).collect();
     let Some(middle) = mean(&centres) else { return "There are no cameras.".to_string() };
-    let mut distances: Vec<f64> = centres.iter().map(|centre| centre.distance(middle)).collect();
-    distances.sort_by(f64::total_cmp);
-    let median = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
-    let farthest = distances.last().copied().unwrap_or(0.0);
+    let distances: Vec<f64> = centres.iter().map(|centre| centre.distance(middle)).collect();
+    let farthest = distances.iter().copied().fold(0.0, f64::max);
+    let median = median(distances).unwrap_or(0.0);
     let gaze = frames.iter().map(|frame| frame.c2w.z_axis.truncate()).sum::<DVec3>().length() / frames.len() as f64;
     let look = if gaze > 0.9 {
         "they face one way"

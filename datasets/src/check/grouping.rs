@@ -8,30 +8,48 @@ use gs_base::{FileError, printable};
 use crate::error::DatasetError;
 use crate::names::some_names;
 
-/// The errors in the order found; those that differ only in the frame or image they are about are one sentence.
-pub(super) fn sentences(errors: &[DatasetError]) -> Vec<String> {
-    // What they have in common, their sentences, and what each is about.
+/// An error without the name of what it is about.
+pub struct Common {
+    /// Equal for errors of one kind.
+    pub kind: String,
+    /// The sentence without the name.
+    pub text: String,
+    /// The name of the frame or file that it is about.
+    pub name: String,
+}
+
+/// Sentences about errors in the order found; those of one kind, as `apart` tells them, are one sentence with the
+/// text of the first, `times` of their count, and some names.
+pub fn said_once(
+    errors: &[DatasetError],
+    apart: impl Fn(&DatasetError) -> Option<Common>,
+    times: impl Fn(usize) -> String,
+) -> Vec<String> {
+    // The sentence of the first, what they have in common, and what each is about.
     let mut groups: Vec<(String, String, Vec<String>)> = Vec::new();
     let mut places: HashMap<String, usize> = HashMap::new();
     for error in errors {
-        let whole = error.to_string();
-        let Some((common, name)) = apart(error) else {
-            groups.push((whole.clone(), whole, Vec::new()));
+        let Some(Common { kind, text, name }) = apart(error) else {
+            groups.push((error.to_string(), String::new(), Vec::new()));
             continue;
         };
-        match places.get(&common) {
-            Some(place) => groups[*place].2.push(name),
-            None => {
-                places.insert(common.clone(), groups.len());
-                groups.push((common, whole, vec![name]));
-            }
+        let place = *places.entry(kind).or_insert(groups.len());
+        if place == groups.len() {
+            groups.push((error.to_string(), text, Vec::new()));
         }
+        groups[place].2.push(name);
     }
-    let said = |(common, whole, names): (String, String, Vec<String>)| match names.len() {
+    let said = |(whole, common, names): (String, String, Vec<String>)| match names.len() {
         0 | 1 => whole,
-        count => format!("{common} ({count} times: {})", some_names(&names)),
+        count => format!("{common} ({}: {})", times(count), some_names(&names)),
     };
     groups.into_iter().map(said).map(|sentence| printable(&sentence).into_owned()).collect()
+}
+
+/// The errors in the order found; those that differ only in the frame or image they are about are one sentence.
+pub(super) fn sentences(errors: &[DatasetError]) -> Vec<String> {
+    let common = |error: &DatasetError| apart(error).map(|(text, name)| Common { kind: text.clone(), text, name });
+    said_once(errors, common, |count| format!("{count} times"))
 }
 
 /// An error without the frame or image it is about, and that.

@@ -1,16 +1,15 @@
 //! Facts and mistakes that show when every image, mask and prior is decoded.
 
-use gs_base::{agree, counted};
+use gs_base::statistics::range;
+use gs_base::{agree, clause, counted};
 use rayon::prelude::*;
 
 use super::CheckReport;
-use crate::decode::{Decoder, ViewNote};
+use crate::decode::Decoder;
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::lens::off_photo_warning;
-use crate::levels;
-use crate::mask;
 use crate::names::some_names;
+use crate::notes::{ViewNote, few_levels, off_photo_warning, suspicion};
 use crate::one_color;
 use crate::priors::summary::{self, Noted};
 use crate::raw::RawFrame;
@@ -24,16 +23,14 @@ pub(super) fn describe(
 ) {
     let results: Vec<Result<ViewNote, DatasetError>> =
         frames.par_iter().map(|(frame, _)| decoder.examine(frame)).collect();
-    let (mut decoded, mut trains) = (Vec::new(), Vec::new());
-    for ((_, is_train), result) in frames.iter().zip(results) {
+    let mut kept = Vec::new();
+    for ((_, trains), result) in frames.iter().zip(results) {
         match result {
-            Ok(note) => {
-                decoded.push(note);
-                trains.push(*is_train);
-            }
+            Ok(note) => kept.push((note, *trains)),
             Err(error) => findings.errors.push(error),
         }
     }
+    let (decoded, trains): (Vec<ViewNote>, Vec<bool>) = kept.into_iter().unzip();
     let training = decoded.iter().zip(&trains).filter(|(_, trains)| **trains);
     findings.errors.extend(one_color::refuse(&report.path, training.map(|(note, _)| note.one_color)).err());
     let mut sizes: Vec<((usize, usize), usize)> = Vec::new();
@@ -46,11 +43,7 @@ pub(super) fn describe(
     for ((width, height), count) in sizes.iter().take(5) {
         let (w, h) = decoder.target((*width, *height));
         let loaded = if (w, h) == (*width, *height) { String::new() } else { format!(", loaded at {w} x {h}") };
-        report.facts.push(format!(
-            "{} {} {width} x {height} pixels{loaded}.",
-            counted(*count, "image"),
-            agree(*count, "is", "are")
-        ));
+        report.facts.push(format!("{} {width} x {height} pixels{loaded}.", clause(*count, "image", "is", "are")));
     }
     if sizes.len() > 5 {
         report.facts.push(format!(
@@ -62,10 +55,9 @@ pub(super) fn describe(
     let turned: Vec<&str> = decoded.iter().filter(|value| value.is_turned).map(|value| value.name.as_str()).collect();
     if !turned.is_empty() {
         report.facts.push(format!(
-            "{} {} an EXIF orientation, which is not applied: poses and intrinsics must be of the pixels as they are \
+            "{} an EXIF orientation, which is not applied: poses and intrinsics must be of the pixels as they are \
              stored, and those of COLMAP are ({}).",
-            counted(turned.len(), "image"),
-            agree(turned.len(), "has", "have"),
+            clause(turned.len(), "image", "has", "have"),
             some_names(&turned)
         ));
     }
@@ -74,42 +66,28 @@ pub(super) fn describe(
         findings
             .warn(format!("the intrinsics of {} are for another size and will be rescaled", counted(rescaled, "view")));
     }
-    let off_photo: Vec<&str> =
-        decoded.iter().filter(|value| value.off_photo).map(|value| value.name.as_str()).collect();
-    off_photo_warning(&report.path, &off_photo).into_iter().for_each(|sentence| findings.warn(sentence));
-    levels::warning(&report.path, &decoded, decoder.behind.levels)
-        .into_iter()
-        .for_each(|sentence| findings.warn(sentence));
-    let across = |focal: fn(&ViewNote) -> f64| {
-        let low = decoded.iter().map(focal).fold(f64::INFINITY, f64::min);
-        (low, decoded.iter().map(focal).fold(0.0, f64::max))
-    };
-    if !decoded.is_empty() {
-        let (x, y) = (across(|value| value.intrinsics.fx), across(|value| value.intrinsics.fy));
-        let angle = across(|value| 2.0 * (0.5 * value.size.0 as f64 / value.intrinsics.fx).atan().to_degrees());
-        report.facts.push(format!(
-            "Focal lengths are {} by {} pixels; the horizontal angle of view is {} degrees.",
-            range(x),
-            range(y),
-            range(angle)
-        ));
+    findings.warn_all(off_photo_warning(&report.path, &decoded));
+    findings.warn_all(few_levels(&report.path, &decoded, decoder.behind.levels));
+    let across = |value: fn(&ViewNote) -> f64| range(decoded.iter().map(value)).map(shown);
+    let x = across(|value| value.intrinsics.fx);
+    let y = across(|value| value.intrinsics.fy);
+    let angle = across(|value| 2.0 * (0.5 * value.size.0 as f64 / value.intrinsics.fx).atan().to_degrees());
+    if let (Some(x), Some(y), Some(angle)) = (x, y, angle) {
+        report
+            .facts
+            .push(format!("Focal lengths are {x} by {y} pixels; the horizontal angle of view is {angle} degrees."));
     }
     let distorted = frames.iter().filter(|(frame, _)| !frame.lens.distortion.is_none()).count();
     report.facts.push(match distorted {
         0 => "No lens distortion is declared.".to_string(),
-        _ => format!(
-            "{} {} a lens distortion, which is removed at load.",
-            counted(distorted, "image"),
-            agree(distorted, "has", "have")
-        ),
+        _ => format!("{} a lens distortion, which is removed at load.", clause(distorted, "image", "has", "have")),
     });
     let masked = frames.iter().filter(|(frame, _)| !frame.masks.is_empty()).count();
     if masked > 0 {
-        report.facts.push(format!("{} {} masks.", counted(masked, "image"), agree(masked, "has", "have")));
+        report.facts.push(format!("{} masks.", clause(masked, "image", "has", "have")));
     }
     report.blank = decoded.iter().filter(|value| value.is_blank).count();
-    let shares = decoded.iter().filter_map(|value| value.masked).collect();
-    mask::suspicion(&report.path, shares).into_iter().for_each(|sentence| findings.warn(sentence));
+    findings.warn_all(suspicion(&report.path, &decoded));
     let noted: Vec<Noted> = decoded
         .iter()
         .zip(trains)
@@ -120,6 +98,6 @@ pub(super) fn describe(
 }
 
 /// "1375.52" or "1370.00 to 1380.00".
-fn range((low, high): (f64, f64)) -> String {
+fn shown((low, high): (f64, f64)) -> String {
     if high - low < 0.005 { format!("{low:.2}") } else { format!("{low:.2} to {high:.2}") }
 }

@@ -8,20 +8,22 @@ mod report;
 use std::path::Path;
 
 use gs_base::sentence::position;
-use gs_base::{agree, counted, mean, printable};
+use gs_base::statistics::range;
+use gs_base::{agree, clause, counted, mean, printable};
 
 use crate::consistency;
 use crate::description::{Description, check_options};
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::formats::{self, Layout, camera_texts, colmap, llff, panoptic, realityscan, transforms};
+use crate::formats::{self, Layout, colmap};
 use crate::names::some_names;
 use crate::options::LoadOptions;
 use crate::raw::{RawFrame, SplitName};
 use crate::split;
 use crate::subject::subject_distance;
 
-pub use self::report::CheckReport;
+pub use self::grouping::{Common, said_once};
+pub use self::report::{CheckReport, write_findings};
 
 /// Examines a data set: reads its description, decodes every image and mask, and measures the cameras' geometry. Goes
 /// on after errors, so that the report lists all of them. With a COLMAP model the reprojection error is recomputed.
@@ -43,14 +45,10 @@ fn fill(
     options: &LoadOptions,
     findings: &mut Findings,
 ) -> Result<(), DatasetError> {
-    let raw = match formats::detect(path)? {
-        Layout::Transforms(sources) => {
-            let files: Vec<String> = sources.files.iter().map(|(file, _)| file.display().to_string()).collect();
-            report.facts.push(format!("The description is in {}.", files.join(", ")));
-            transforms::read(&sources, options, findings)?
-        }
+    let layout = formats::detect(path)?;
+    report.facts.push(place(&layout));
+    let raw = match layout {
         Layout::Colmap(files) => {
-            report.facts.push(format!("The model is in {}.", files.folder.display()));
             let model = colmap::read_model(&files, true, findings)?;
             report.facts.push(geometry::describe_model(&model));
             if let Some(reprojection) = geometry::reprojection(&model, &files.file("cameras")) {
@@ -59,23 +57,7 @@ fn fill(
             }
             colmap::scene(&files, model, options, findings)?
         }
-        Layout::Panoptic(files) => {
-            let names: Vec<String> = files.files.iter().map(|(file, _)| file.display().to_string()).collect();
-            report.facts.push(format!("The description is in {}.", names.join(", ")));
-            panoptic::read(&files, options, findings)?
-        }
-        Layout::Llff(poses) => {
-            report.facts.push(format!("The poses are in {}.", poses.path.display()));
-            llff::read(&poses, options, findings)?
-        }
-        Layout::RealityScan(table) => {
-            report.facts.push(format!("The cameras are in {}.", table.file.display()));
-            realityscan::read(&table, options, findings)?
-        }
-        Layout::CameraTexts(texts) => {
-            report.facts.push(format!("The cameras are texts in {}.", texts.folder.join("cameras").display()));
-            camera_texts::read(&texts, findings)?
-        }
+        other => other.read(options, findings)?,
     };
     report.format = Some(raw.format);
     report.facts.append(&mut findings.take_facts());
@@ -113,7 +95,7 @@ fn fill(
     let held_out: Vec<&RawFrame> = plan.held_out_frames().map(|index| &frames[index]).collect();
     report.train = train.len();
     report.held_out = plan.held_out.iter().map(|(name, list)| (name.clone(), list.len())).collect();
-    let training = format!("{} {}", counted(report.train, "view"), agree(report.train, "trains", "train"));
+    let training = clause(report.train, "view", "trains", "train").to_string();
     report.facts.push(match held_out.len() {
         0 => format!("{training}, none is held out: {}.", plan.rule),
         count => {
@@ -121,11 +103,9 @@ fn fill(
         }
     });
     if options.sparse.is_some() && points.is_some() {
-        split::hidden_points(&frames, &plan, path).iter().for_each(|sentence| findings.warn(sentence));
+        findings.warn_all(split::hidden_points(&frames, &plan, path));
     }
-    consistency::compare_splits(&train, &held_out, options.expects_later_frames(), path)
-        .iter()
-        .for_each(|sentence| findings.warn(sentence));
+    findings.warn_all(consistency::compare_splits(&train, &held_out, options.expects_later_frames(), path));
     report.timed = train.iter().filter(|frame| frame.time.is_some()).count();
     report.without_time = consistency::without_time(&train, &held_out).len();
     let poses: Vec<glam::DMat4> = train.iter().map(|frame| frame.c2w).collect();
@@ -140,13 +120,26 @@ fn fill(
     Ok(())
 }
 
+/// Where the description lies.
+fn place(layout: &Layout) -> String {
+    let all = |files: Vec<&Path>| files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ");
+    match layout {
+        Layout::Transforms(sources) => {
+            format!("The description is in {}.", all(sources.files.iter().map(|(file, _)| &**file).collect()))
+        }
+        Layout::Panoptic(files) => {
+            format!("The description is in {}.", all(files.files.iter().map(|(file, _)| &**file).collect()))
+        }
+        Layout::Colmap(files) => format!("The model is in {}.", files.folder.display()),
+        Layout::Llff(poses) => format!("The poses are in {}.", poses.path.display()),
+        Layout::RealityScan(table) => format!("The cameras are in {}.", table.file.display()),
+        Layout::CameraTexts(texts) => format!("The cameras are texts in {}.", texts.folder.join("cameras").display()),
+    }
+}
+
 fn describe_times(frames: &[RawFrame], report: &mut CheckReport) {
     let times: Vec<f64> = frames.iter().filter_map(|frame| frame.time).collect();
-    if times.is_empty() {
-        return;
-    }
-    let low = times.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = times.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let Some((low, high)) = range(times.iter().copied()) else { return };
     let mut sorted = times.clone();
     sorted.sort_by(f64::total_cmp);
     sorted.dedup();
@@ -159,9 +152,8 @@ fn describe_times(frames: &[RawFrame], report: &mut CheckReport) {
         format!(" by {} ({})", counted(cameras.len(), "camera"), some_names(&cameras))
     };
     report.facts.push(format!(
-        "{} {} a time, {} different {} from {low} to {high}{by}.",
-        counted(times.len(), "view"),
-        agree(times.len(), "has", "have"),
+        "{} a time, {} different {} from {low} to {high}{by}.",
+        clause(times.len(), "view", "has", "have"),
         sorted.len(),
         agree(sorted.len(), "one", "ones")
     ));
@@ -178,12 +170,10 @@ fn describe_times(frames: &[RawFrame], report: &mut CheckReport) {
 /// How long the shutter is open, also as a share of the frame interval.
 fn describe_exposure(frames: &[RawFrame], report: &mut CheckReport) {
     let exposures: Vec<f64> = frames.iter().filter_map(|frame| frame.exposure).collect();
-    if exposures.is_empty() {
+    let Some((low, high)) = range(exposures.iter().copied()) else {
         report.facts.push("No exposure is given.".to_string());
         return;
-    }
-    let low = exposures.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = exposures.iter().copied().fold(0.0, f64::max);
+    };
     let of = |value: f64| consistency::interval_of(frames).map(|interval| value / interval);
     let share = of(high).map_or_else(String::new, |share| format!(", {share:.2} of the frame interval"));
     let value = if high > low { format!("{low} to {high}") } else { high.to_string() };

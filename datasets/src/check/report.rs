@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use gs_base::counted;
 use gs_base::sentence::shown;
 
 use crate::scene::SceneFormat;
@@ -59,17 +60,26 @@ impl fmt::Display for CheckReport {
             None if self.errors.is_empty() => writeln!(f, "{}:", shown(&self.path))?,
             None => writeln!(f, "{}: not recognised", shown(&self.path))?,
         }
-        for (label, sentences) in [("", &self.facts), ("warning: ", &self.warnings), ("error: ", &self.errors)] {
-            for sentence in sentences {
-                writeln!(f, "  {label}{sentence}")?;
-            }
-        }
-        match (self.errors.len(), self.warnings.len()) {
-            (0, 0) => write!(f, "Good to load."),
-            (0, 1) => write!(f, "Good to load, with 1 warning."),
-            (0, warnings) => write!(f, "Good to load, with {warnings} warnings."),
-            (1, _) => write!(f, "Cannot be loaded: 1 error."),
-            (errors, _) => write!(f, "Cannot be loaded: {errors} errors."),
-        }
+        write_findings(f, &self.facts, &self.warnings, &self.errors)
+    }
+}
+
+/// Writes the sentences of a report, one a line, and whether the data can be loaded.
+///
+/// # Errors
+/// As of the formatter.
+pub fn write_findings(
+    f: &mut fmt::Formatter<'_>,
+    facts: &[String],
+    warnings: &[String],
+    errors: &[String],
+) -> fmt::Result {
+    for (label, sentences) in [("", facts), ("warning: ", warnings), ("error: ", errors)] {
+        sentences.iter().try_for_each(|sentence| writeln!(f, "  {label}{sentence}"))?;
+    }
+    match (errors.len(), warnings.len()) {
+        (0, 0) => write!(f, "Good to load."),
+        (0, count) => write!(f, "Good to load, with {}.", counted(count, "warning")),
+        (count, _) => write!(f, "Cannot be loaded: {}.", counted(count, "error")),
     }
 }

@@ -5,11 +5,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DMat3, DMat4, DVec3};
-use gs_base::{agree, counted, mean, median};
+use gs_base::{agree, mean, median};
 
 use crate::findings::Findings;
 use crate::lens::{Focal, Lens};
-use crate::names::some_names;
 use crate::raw::{RawFrame, SplitName};
 use crate::subject::{STRAY, strays, subject};
 
@@ -114,17 +113,16 @@ pub(super) fn find_strays(frames: &[RawFrame], scene: &Path, findings: &mut Find
         frames.map(|frame| (frame.name.as_str(), frame.c2w.w_axis.truncate())).unzip();
     let strays: Vec<&str> =
         names.into_iter().zip(strays(&positions)).filter(|(_, stray)| *stray).map(|(name, _)| name).collect();
-    if !strays.is_empty() {
-        findings.warn(format!(
-            "{}: {} {} more than {STRAY} times as far out as three quarters of all do ({}); are their poses right? \
-             The scene's extent, by which rates and thresholds go, is that of the others",
-            scene.display(),
-            counted(strays.len(), "camera"),
-            agree(strays.len(), "stands", "stand"),
-            some_names(&strays)
-        ));
-    }
+    findings.warn_of(scene, &strays, ["camera", "stands", "stand"], |stand, names| {
+        format!(
+            "{stand} more than {STRAY} times as far out as three quarters of all do ({names}); are their poses right? \
+             The scene's extent, by which rates and thresholds go, is that of the others"
+        )
+    });
 }
+
+/// Whether two frames are the same in one respect.
+type Same<'a> = &'a dyn Fn(&RawFrame, &RawFrame) -> bool;
 
 /// Warns about cameras that move, and about train and test sets that disagree.
 pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
@@ -133,51 +131,33 @@ pub(super) fn compare(frames: &[RawFrame], scene: &Path, findings: &mut Findings
     for (camera, group) in by_camera(frames) {
         let (train, test): (Vec<&RawFrame>, Vec<&RawFrame>) =
             group.into_iter().partition(|frame| SplitName::trains(frame.split.as_ref()));
-        let still = |group: &[&RawFrame]| group.iter().all(|frame| same_pose(group[0], frame, spread));
-        let one_lens = |group: &[&RawFrame]| group.iter().all(|frame| same_lens(&group[0].lens, &frame.lens));
-        if !still(&train) || !still(&test) {
-            moved.push(camera);
-        } else if let (Some(a), Some(b)) = (train.first(), test.first())
-            && !same_pose(a, b, spread)
-        {
-            disagree.push(camera);
-        }
-        if !one_lens(&train) || !one_lens(&test) {
-            zoomed.push(camera);
-        } else if let (Some(a), Some(b)) = (train.first(), test.first())
-            && !same_lens(&a.lens, &b.lens)
-        {
-            disagree.push(camera);
+        let pose = |a: &RawFrame, b: &RawFrame| same_pose(a, b, spread);
+        let lens = |a: &RawFrame, b: &RawFrame| same_lens(&a.lens, &b.lens);
+        let looks: [(Same, _); 2] = [(&pose, &mut moved), (&lens, &mut zoomed)];
+        for (same, changed) in looks {
+            let is_one = |group: &[&RawFrame]| group.iter().all(|frame| same(group[0], frame));
+            if !is_one(&train) || !is_one(&test) {
+                changed.push(camera);
+            } else if train.first().zip(test.first()).is_some_and(|(a, b)| !same(a, b)) {
+                disagree.push(camera);
+            }
         }
     }
     disagree.dedup();
-    let scene_name = scene.display();
-    if !moved.is_empty() {
-        findings.warn(format!(
-            "{scene_name}: {} {} pose over time ({}); blur from their own motion is not modelled, and what moves \
-             cannot be told from their photos alone",
-            counted(moved.len(), "camera"),
-            agree(moved.len(), "changes its", "change their"),
-            some_names(&moved)
-        ));
-    }
-    if !zoomed.is_empty() {
-        findings.warn(format!(
-            "{scene_name}: {} {} intrinsics over time ({})",
-            counted(zoomed.len(), "camera"),
-            agree(zoomed.len(), "changes its", "change their"),
-            some_names(&zoomed)
-        ));
-    }
-    if !disagree.is_empty() {
-        findings.warn(format!(
-            "{scene_name}: {} {} another pose or other intrinsics in the test set than in the training set ({}); \
-             figures on them will be low",
-            counted(disagree.len(), "camera"),
-            agree(disagree.len(), "has", "have"),
-            some_names(&disagree)
-        ));
-    }
+    let change = ["camera", "changes its", "change their"];
+    findings.warn_of(scene, &moved, change, |change, names| {
+        format!(
+            "{change} pose over time ({names}); blur from their own motion is not modelled, and what moves cannot be \
+             told from their photos alone"
+        )
+    });
+    findings.warn_of(scene, &zoomed, change, |change, names| format!("{change} intrinsics over time ({names})"));
+    findings.warn_of(scene, &disagree, ["camera", "has", "have"], |have, names| {
+        format!(
+            "{have} another pose or other intrinsics in the test set than in the training set ({names}); figures on \
+             them will be low"
+        )
+    });
     compare_sets(frames, scene, findings);
 }
 
@@ -209,17 +189,13 @@ fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
             depth <= 0.0 || !(1.0 / FAR_RATIO..=FAR_RATIO).contains(&ratio)
         };
         let names: Vec<&str> = test.iter().copied().filter(strange).map(|frame| frame.name.as_str()).collect();
-        if !names.is_empty() {
-            findings.warn(format!(
-                "{}: {} {} back on what all training cameras look at, or {} more than {FAR_RATIO} times nearer or \
-                 farther ({}); do both sets use one world and one convention?",
-                scene.display(),
-                counted(names.len(), "held-out view"),
-                agree(names.len(), "turns its", "turn their"),
-                agree(names.len(), "stands", "stand"),
-                some_names(&names)
-            ));
-        }
+        let stand = agree(names.len(), "stands", "stand");
+        findings.warn_of(scene, &names, ["held-out view", "turns its", "turn their"], |turn, names| {
+            format!(
+                "{turn} back on what all training cameras look at, or {stand} more than {FAR_RATIO} times nearer or \
+                 farther ({names}); do both sets use one world and one convention?"
+            )
+        });
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gs_base::statistics::range;
-use gs_base::{agree, counted, median};
+use gs_base::{agree, clause, counted, median};
 
 use super::timing::interval_of;
 use crate::names::some_names;
@@ -60,11 +60,10 @@ fn outside(train: &[&RawFrame], held_out: &[&RawFrame], scene: &Path) -> Option<
     }
     let (first, last) = range(held_out.iter().filter_map(|frame| frame.time))?;
     Some(format!(
-        "{}: {} {} taken outside the times of the training views ({}; held out from {first} to {last}, \
+        "{}: {} taken outside the times of the training views ({}; held out from {first} to {last}, \
          training from {low} to {high}); what moves is not known there, and figures on them will be low",
         scene.display(),
-        counted(names.len(), "held-out view"),
-        agree(names.len(), "was", "were"),
+        clause(names.len(), "held-out view", "was", "were"),
         some_names(&names)
     ))
 }
@@ -79,11 +78,10 @@ fn blurry_truth(held_out: &[&RawFrame], scene: &Path) -> Option<String> {
     let count = held_out.iter().filter(is_blurry).count();
     (count > 0).then(|| {
         format!(
-            "{}: {} {} as blurry as those that train, and no sharp image of them is there; figures on them say how \
+            "{}: {} as blurry as those that train, and no sharp image of them is there; figures on them say how \
              blurry a rendering is, not how sharp",
             scene.display(),
-            counted(count, "held-out photo"),
-            agree(count, "is", "are")
+            clause(count, "held-out photo", "is", "are")
         )
     })
 }

@@ -58,19 +58,12 @@ pub(super) fn drop_repeats(frames: &mut Vec<RawFrame>, scene: &Path, findings: &
             pairs.push(format!("{} after {}", frame.name, frames[earlier].name));
         }
     }
-    if pairs.is_empty() {
-        return;
-    }
     let mut drop = drop.into_iter();
     frames.retain(|_| !drop.next().unwrap_or(false));
-    findings.warn(format!(
-        "{}: times repeat: {} {} the camera and time of an earlier one and {} left out ({})",
-        scene.display(),
-        counted(pairs.len(), "photo"),
-        agree(pairs.len(), "has", "have"),
-        agree(pairs.len(), "is", "are"),
-        some_names(&pairs)
-    ));
+    let are = agree(pairs.len(), "is", "are");
+    findings.warn_of(scene, &pairs, ["photo", "has", "have"], |have, names| {
+        format!("times repeat: {have} the camera and time of an earlier one and {are} left out ({names})")
+    });
 }
 
 /// Warns where a camera's times fall while its file names rise. Frames without a camera are in no order to speak of.

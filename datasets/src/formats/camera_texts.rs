@@ -12,8 +12,8 @@ use gs_base::{counted, guarded};
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::folder::entries;
-use crate::lens::{Focal, Lens};
+use crate::folder::{entries, has_extension, stem};
+use crate::lens::Lens;
 use crate::names;
 use crate::pixels;
 use crate::pose;
@@ -49,7 +49,7 @@ pub(crate) fn find(path: &Path) -> Option<CameraTexts> {
     if !path.join("images").is_dir() {
         return None;
     }
-    let is_text = |file: &PathBuf| file.extension().is_some_and(|end| end.eq_ignore_ascii_case("txt"));
+    let is_text = |file: &PathBuf| has_extension(file, &["txt"]);
     let files: Vec<PathBuf> = entries(&path.join("cameras")).into_iter().filter(is_text).take(TEXTS_MAX).collect();
     let first = files.first()?;
     camera(first).is_ok().then(|| CameraTexts { folder: path.to_path_buf(), files })
@@ -77,11 +77,6 @@ pub(crate) fn camera(file: &Path) -> Result<WrittenCamera, DatasetError> {
     Ok(WrittenCamera { c2w, intrinsics: [fx, fy, cx, cy] })
 }
 
-/// The name that a camera, its photo and its depth have in common.
-pub(crate) fn stem(file: &Path) -> String {
-    file.file_stem().unwrap_or_default().to_string_lossy().into_owned()
-}
-
 /// Reads the description of a scene. A text without a photo is left out with a warning.
 pub(crate) fn read(texts: &CameraTexts, findings: &mut Findings) -> Result<RawScene, DatasetError> {
     let root = texts.folder.join("images");
@@ -98,25 +93,15 @@ pub(crate) fn read(texts: &CameraTexts, findings: &mut Findings) -> Result<RawSc
         let (count, names) = (counted(missing.len(), "camera"), names::some_names(&missing));
         findings.warn(format!("{}: {count} without a photo left out ({names})", root.display()));
     }
-    if frames.is_empty() && !findings.is_lenient() {
-        let found = format!("none of the photos of {}", counted(texts.files.len(), "camera"));
-        return Err(DatasetError::NoFrames { path: texts.folder.clone(), found });
-    }
+    let found = || format!("none of the photos of {}", counted(texts.files.len(), "camera"));
+    findings.need_frames(&frames, &texts.folder, found)?;
     Ok(RawScene { format: SceneFormat::CameraTexts, frames, points: None })
 }
 
 fn frame(file: &Path, root: &Path, image_path: PathBuf) -> Result<RawFrame, DatasetError> {
-    let WrittenCamera { c2w, intrinsics: [fx, fy, cx, cy] } = camera(file)?;
+    let WrittenCamera { c2w, intrinsics } = camera(file)?;
     let (width, height) = pixels::size_of(&image_path)?;
-    let lens = Lens {
-        focal_x: Some(Focal::Pixels(fx)),
-        focal_y: Some(Focal::Pixels(fy)),
-        cx: Some(cx),
-        cy: Some(cy),
-        width: Some(f64::from(width)),
-        height: Some(f64::from(height)),
-        distortion: Distortion::default(),
-    };
+    let lens = Lens::of(intrinsics, (f64::from(width), f64::from(height)), Distortion::default());
     let name = names::output_name(root, &stem(file), file)?;
     Ok(RawFrame::posed(name, image_path, c2w, lens, file.to_path_buf()))
 }

@@ -80,6 +80,17 @@ pub(crate) fn as_f64(value: &Value) -> Option<f64> {
     }
 }
 
+/// A list of `R` rows of `C` numbers.
+pub(crate) fn matrix<const R: usize, const C: usize>(value: &Value) -> Option<[[f64; C]; R]> {
+    let row = |row: &Value| numbers(row)?.try_into().ok();
+    value.as_array()?.iter().map(row).collect::<Option<Vec<[f64; C]>>>()?.try_into().ok()
+}
+
+/// A list of numbers.
+pub(crate) fn numbers(value: &Value) -> Option<Vec<f64>> {
+    value.as_array()?.iter().map(as_f64).collect()
+}
+
 /// Objects that are asked in turn: the frame's own keys first, then the file's shared ones.
 pub(crate) struct Keys<'a> {
     pub file: &'a Path,

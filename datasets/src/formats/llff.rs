@@ -20,9 +20,9 @@ use super::rows;
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::folder::{entries, file_name};
+use crate::folder::{entries, file_name, folder_of, has_extension, stem};
 use crate::foreign::{CONVERT, Foreign, is_photo};
-use crate::lens::{Focal, Lens};
+use crate::lens::Lens;
 use crate::options::{LoadOptions, MaskUse};
 use crate::order::natural;
 use crate::priors::sources;
@@ -64,8 +64,7 @@ pub(crate) fn find(path: &Path) -> Option<PoseFile> {
     let (file, folder) = if path.is_dir() {
         (path.join(POSE_FILE), path.to_path_buf())
     } else {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        (path.to_path_buf(), folder.to_path_buf())
+        (path.to_path_buf(), folder_of(path).to_path_buf())
     };
     if file.file_name()? != POSE_FILE || !file.exists() {
         return None;
@@ -101,24 +100,15 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
                 .and_then(|written| names::output_name(&poses.folder, written, &poses.path));
             let Some(name) = findings.take(name)? else { continue };
             frames.push(RawFrame {
-                name,
-                image_path: photo.path.clone(),
-                c2w,
-                lens: lens.clone(),
                 time: photo.time,
                 camera_id: photo.camera.clone(),
-                masks: Vec::new(),
-                exposure: None,
                 sides: SideFiles { files: Vec::new(), depth },
                 split: photo.split.clone(),
-                file: poses.path.clone(),
+                ..RawFrame::posed(name, photo.path.clone(), c2w, lens.clone(), poses.path.clone())
             });
         }
     }
-    if frames.is_empty() && !findings.is_lenient() {
-        let found = format!("none for {}", counted(rows.len(), "pose"));
-        return Err(DatasetError::NoFrames { path: poses.folder.clone(), found });
-    }
+    findings.need_frames(&frames, &poses.folder, || format!("none for {}", counted(rows.len(), "pose")))?;
     // Which masks a folder holds is not said anywhere; in a set of frames over time they mark what moves.
     let mut kinds = vec![Kind::Depth, Kind::Confidence, Kind::Sharp];
     if matches!(options.masks, MaskUse::Auto | MaskUse::Moving) {
@@ -244,23 +234,7 @@ fn camera(row: &[f64], file: &Path, index: usize) -> Result<(DMat4, Lens), Datas
         *out = [at(line, 1), at(line, 0), -at(line, 2), at(line, 3)];
     }
     let c2w = pose::rigid(&matrix, file, &label)?.c2w;
-    let lens = Lens {
-        focal_x: Some(Focal::Pixels(focal)),
-        focal_y: Some(Focal::Pixels(focal)),
-        cx: None,
-        cy: None,
-        width: Some(width),
-        height: Some(height),
-        distortion: Distortion::default(),
-    };
-    Ok((c2w, lens))
-}
-
-fn stem(path: &Path) -> String {
-    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-fn has_extension(path: &Path, extensions: &[&str]) -> bool {
-    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-    extensions.contains(&extension.as_str())
+    // Half the sides, whatever the photo's own size is.
+    let lens = Lens::of([focal, focal, 0.5 * width, 0.5 * height], (width, height), Distortion::default());
+    Ok((c2w, Lens { cx: None, cy: None, ..lens }))
 }

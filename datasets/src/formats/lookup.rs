@@ -106,24 +106,17 @@ impl<'a> Lookup<'a> {
     /// Says what was found under another name and what was not found, of the photos that `file` describes. `hint` ends
     /// the sentence.
     pub fn warn(&self, file: &Path, hint: &str, findings: &mut Findings) {
-        if !self.elsewhere.is_empty() {
-            findings.warn(format!(
-                "{}: {} {} found under another name below {} ({})",
-                file.display(),
-                counted(self.elsewhere.len(), "photo"),
-                agree(self.elsewhere.len(), "was", "were"),
-                self.root.display(),
-                some_names(&self.elsewhere)
-            ));
-        }
+        let root = self.root.display();
+        findings.warn_of(file, &self.elsewhere, ["photo", "was", "were"], |were, names| {
+            format!("{were} found under another name below {root} ({names})")
+        });
         if !self.missing.is_empty() {
             findings.warn(format!(
-                "{}: {} of {} {} not exist below {}; {} left out ({}){hint}",
+                "{}: {} of {} {} not exist below {root}; {} left out ({}){hint}",
                 file.display(),
                 self.missing.len(),
                 counted(self.total, "photo"),
                 agree(self.missing.len(), "does", "do"),
-                self.root.display(),
                 agree(self.missing.len(), "it was", "they were"),
                 some_names(&self.missing)
             ));

@@ -75,13 +75,20 @@ pub(crate) fn detect(path: &Path) -> Result<Layout, DatasetError> {
 
 /// Reads the description of a scene; images are looked for but not opened.
 pub(crate) fn read(path: &Path, options: &LoadOptions, findings: &mut Findings) -> Result<RawScene, DatasetError> {
-    match detect(path)? {
-        Layout::Transforms(sources) => transforms::read(&sources, options, findings),
-        Layout::Colmap(files) => colmap::read(&files, options, findings),
-        Layout::Panoptic(files) => panoptic::read(&files, options, findings),
-        Layout::Llff(poses) => llff::read(&poses, options, findings),
-        Layout::RealityScan(table) => realityscan::read(&table, options, findings),
-        Layout::CameraTexts(texts) => camera_texts::read(&texts, findings),
+    detect(path)?.read(options, findings)
+}
+
+impl Layout {
+    /// Reads the description.
+    pub fn read(&self, options: &LoadOptions, findings: &mut Findings) -> Result<RawScene, DatasetError> {
+        match self {
+            Self::Transforms(sources) => transforms::read(sources, options, findings),
+            Self::Colmap(files) => colmap::read(files, options, findings),
+            Self::Panoptic(files) => panoptic::read(files, options, findings),
+            Self::Llff(poses) => llff::read(poses, options, findings),
+            Self::RealityScan(table) => realityscan::read(table, options, findings),
+            Self::CameraTexts(texts) => camera_texts::read(texts, findings),
+        }
     }
 }
 

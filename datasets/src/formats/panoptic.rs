@@ -17,10 +17,10 @@ use serde_json::{Map, Value};
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::findings::Findings;
+use crate::folder::folder_of;
 use crate::formats::json::{self, Keys};
-use crate::lens::{Focal, Lens};
+use crate::lens::Lens;
 use crate::mask::{MaskFile, White};
-use crate::names::some_names;
 use crate::options::{LoadOptions, MaskUse};
 use crate::priors::sources;
 use crate::raw::{RawFrame, RawScene, SplitName};
@@ -62,8 +62,7 @@ pub(crate) fn find_named(path: &Path) -> Option<MetaFiles> {
     if path.file_name()? != TRAIN_FILE || !path.exists() {
         return None;
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    find(folder)
+    find(folder_of(path))
 }
 
 /// Reads the description of a set.
@@ -93,38 +92,24 @@ pub(crate) fn read(
                 };
                 let (masks, sides) = masks(files, &name, options);
                 frames.push(RawFrame {
-                    name,
-                    image_path,
-                    c2w,
-                    lens: meta.lens(shot.k),
                     time: Some(t as f64 / last as f64),
                     camera_id: Some(shot.camera.clone()),
                     masks,
-                    exposure: None,
                     sides,
                     split: (files.files.len() > 1).then(|| split.clone()),
-                    file: file.clone(),
+                    ..RawFrame::posed(name, image_path, c2w, meta.lens(shot.k), file.clone())
                 });
             }
         }
     }
-    if !missing.is_empty() {
-        findings.warn(format!(
-            "{}: {} {} not exist; {} left out ({})",
-            files.scene.display(),
-            counted(missing.len(), "image"),
-            agree(missing.len(), "does", "do"),
-            agree(missing.len(), "its frame was", "their frames were"),
-            some_names(&missing)
-        ));
-    }
+    let frames_were = agree(missing.len(), "its frame was", "their frames were");
+    findings.warn_of(&files.scene, &missing, ["image", "does", "do"], |do_, names| {
+        format!("{do_} not exist; {frames_were} left out ({names})")
+    });
     if files.folder.join(POINTS_FILE).exists() {
         findings.warn(format!("{}: the points in {POINTS_FILE} are not read", files.scene.display()));
     }
-    if frames.is_empty() && !findings.is_lenient() {
-        let found = format!("none of {}", counted(missing.len(), "image"));
-        return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
-    }
+    findings.need_frames(&frames, &files.scene, || format!("none of {}", counted(missing.len(), "image")))?;
     let kinds = [Kind::Depth, Kind::Confidence, Kind::Sharp];
     let description = files.folder.join(TRAIN_FILE);
     sources::search(&mut frames, &files.folder, &description, &kinds, options.priors, findings);
@@ -213,8 +198,9 @@ impl<'a> Meta<'a> {
                     Value::Number(id) => id.to_string(),
                     other => return Err(at("cam_id", "a number or a name", other)),
                 };
-                let k = matrix(&k[t][c]).ok_or_else(|| at("k", "3 rows of 3 numbers", &k[t][c]))?;
-                let w2c = matrix(&w2c[t][c]).ok_or_else(|| at("w2c", "4 rows of 4 numbers", &w2c[t][c]))?;
+                let k: [[f64; 3]; 3] =
+                    json::matrix(&k[t][c]).ok_or_else(|| at("k", "3 rows of 3 numbers", &k[t][c]))?;
+                let w2c = json::matrix(&w2c[t][c]).ok_or_else(|| at("w2c", "4 rows of 4 numbers", &w2c[t][c]))?;
                 if !(k[0][0] > 0.0 && k[1][1] > 0.0 && k.iter().flatten().all(|value| value.is_finite())) {
                     return Err(at("k", "finite focal lengths above 0", &Value::String(format!("{k:?}"))));
                 }
@@ -226,15 +212,7 @@ impl<'a> Meta<'a> {
     }
 
     fn lens(&self, k: [[f64; 3]; 3]) -> Lens {
-        Lens {
-            focal_x: Some(Focal::Pixels(k[0][0])),
-            focal_y: Some(Focal::Pixels(k[1][1])),
-            cx: Some(k[0][2]),
-            cy: Some(k[1][2]),
-            width: Some(self.width),
-            height: Some(self.height),
-            distortion: Distortion::default(),
-        }
+        Lens::of([k[0][0], k[1][1], k[0][2], k[1][2]], (self.width, self.height), Distortion::default())
     }
 }
 
@@ -245,16 +223,4 @@ fn table<'a>(keys: &Keys<'a>, key: &str) -> Result<Vec<&'a [Value]>, DatasetErro
         .as_array()
         .and_then(|rows| rows.iter().map(|row| row.as_array().map(Vec::as_slice)).collect::<Option<Vec<_>>>());
     rows.ok_or_else(|| keys.wrong(key, "a list over times of lists over cameras", json::kind(value)))
-}
-
-fn matrix<const N: usize>(value: &Value) -> Option<[[f64; N]; N]> {
-    let rows = value.as_array().filter(|rows| rows.len() == N)?;
-    let mut out = [[0.0; N]; N];
-    for (out, row) in out.iter_mut().zip(rows) {
-        let row = row.as_array().filter(|row| row.len() == N)?;
-        for (out, value) in out.iter_mut().zip(row) {
-            *out = json::as_f64(value)?;
-        }
-    }
-    Some(out)
 }

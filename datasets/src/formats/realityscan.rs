@@ -16,8 +16,8 @@ use super::lookup::{Lookup, Reach};
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::findings::Findings;
-use crate::folder::entries;
-use crate::lens::{Focal, Lens};
+use crate::folder::{entries, folder_of, has_extension};
+use crate::lens::Lens;
 use crate::names;
 use crate::options::LoadOptions;
 use crate::raw::{RawFrame, RawPoints, RawScene};
@@ -38,13 +38,10 @@ pub(crate) struct CameraTable {
 
 /// The table in a folder, or given itself. Of several the first by name.
 pub(crate) fn find(path: &Path) -> Option<CameraTable> {
-    let is_table = |file: &Path| {
-        file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
-            && first_line(file).is_some_and(|line| columns(&line).is_some())
-    };
+    let is_table =
+        |file: &Path| has_extension(file, &["csv"]) && first_line(file).is_some_and(|line| columns(&line).is_some());
     if !path.is_dir() {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        return is_table(path).then(|| CameraTable { file: path.to_path_buf(), folder: folder.to_path_buf() });
+        return is_table(path).then(|| CameraTable { file: path.to_path_buf(), folder: folder_of(path).to_path_buf() });
     }
     let file = entries(path).into_iter().find(|file| is_table(file))?;
     Some(CameraTable { file, folder: path.to_path_buf() })
@@ -99,10 +96,8 @@ pub(crate) fn read(
     }
     let hint = photos.hint();
     photos.warn(file, &hint, findings);
-    if frames.is_empty() && !findings.is_lenient() {
-        let found = format!("none of the {} of {}{hint}", counted(rows.len(), "photo"), file.display());
-        return Err(DatasetError::NoFrames { path: table.folder.clone(), found });
-    }
+    let found = || format!("none of the {} of {}{hint}", counted(rows.len(), "photo"), file.display());
+    findings.need_frames(&frames, &table.folder, found)?;
     let points = findings.take(points(table))?.flatten();
     if points.is_none() {
         findings.warn(format!("{}: there are no points (no PLY file beside the table)", file.display()));
@@ -122,7 +117,7 @@ fn points(table: &CameraTable) -> Result<Option<RawPoints>, DatasetError> {
     if own.exists() {
         return ply::read(&own).map(Some);
     }
-    let is_ply = |path: &PathBuf| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
+    let is_ply = |path: &PathBuf| has_extension(path, &["ply"]);
     let files: Vec<PathBuf> = entries(&table.folder).into_iter().filter(is_ply).collect();
     if let [file] = files.as_slice() { ply::read(file).map(Some) } else { Ok(None) }
 }
@@ -172,19 +167,13 @@ impl<'a> Row<'a> {
         let c2w = pose::rigid(&c2w.transpose().to_cols_array_2d(), self.file, &name)?.c2w;
         let focal = self.number("f")? * longer / FILM;
         let optional = |column: &str| self.number_or_0(column);
-        let lens = Lens {
-            focal_x: Some(Focal::Pixels(focal)),
-            focal_y: Some(Focal::Pixels(focal)),
-            cx: Some(0.5 * width + optional("px")? * longer),
-            cy: Some(0.5 * height + optional("py")? * longer),
-            width: Some(width),
-            height: Some(height),
-            distortion: Distortion {
-                k: [optional("k1")?, optional("k2")?, optional("k3")?, optional("k4")?],
-                d: [0.0; 3],
-                p: [optional("t1")?, optional("t2")?],
-            },
+        let centre = [0.5 * width + optional("px")? * longer, 0.5 * height + optional("py")? * longer];
+        let distortion = Distortion {
+            k: [optional("k1")?, optional("k2")?, optional("k3")?, optional("k4")?],
+            d: [0.0; 3],
+            p: [optional("t1")?, optional("t2")?],
         };
+        let lens = Lens::of([focal, focal, centre[0], centre[1]], (width, height), distortion);
         Ok(RawFrame::posed(name, image_path, pose::opencv_from_opengl(c2w), lens, self.file.to_path_buf()))
     }
 }

@@ -112,12 +112,8 @@ fn load(file: &SideFile, meaning: DepthMeaning, photo: &PhotoShape, into: &mut A
         }
         Kind::TrueMoving | Kind::TrueMovingUnion => {
             let map = depth::objects(path).map_err(broken)?;
-            let values = Some(fit(map, file.kind, photo, &mut into.notes)?);
-            if file.kind == Kind::TrueMoving {
-                truth.moving = values;
-            } else {
-                truth.moving_union = values;
-            }
+            let to = if file.kind == Kind::TrueMoving { &mut truth.moving } else { &mut truth.moving_union };
+            *to = Some(fit(map, file.kind, photo, &mut into.notes)?);
         }
     }
     Ok(())

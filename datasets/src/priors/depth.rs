@@ -54,11 +54,7 @@ pub(super) fn depth(path: &Path, meaning: DepthMeaning) -> Result<Depth, Dataset
     let mut is_8_bit = false;
     let mut is_integer = false;
     let mut map = match open(path)? {
-        Content::Numpy(array) => {
-            let shape = format!("{:?}", array.shape);
-            let map = Map::of_array(array, 1);
-            map.ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W), (1, H, W) or (H, W, 1)", shape))?
-        }
+        Content::Numpy(array) => raster(path, array, 1)?,
         Content::Exr(bytes) => exr::parse(path, &bytes, exr::DEPTH)?,
         Content::Picture(picture) => {
             is_integer = true;
@@ -78,6 +74,13 @@ pub(super) fn depth(path: &Path, meaning: DepthMeaning) -> Result<Depth, Dataset
     }
     let space = if kind == DepthKind::InverseDepth { DepthSpace::InverseDepth } else { DepthSpace::Depth };
     Ok(Depth { map, space, metric, guessed: meaning.kind.is_none() })
+}
+
+/// An array as a map of one channel or of three.
+fn raster(path: &Path, array: npy::Array, channels: usize) -> Result<Map<f32>, DatasetError> {
+    let expected = if channels == 1 { "(H, W), (1, H, W) or (H, W, 1)" } else { "(H, W, 3)" };
+    let shape = format!("{:?}", array.shape);
+    Map::of_array(array, channels).ok_or_else(|| DatasetError::malformed(path, "shape", expected, shape))
 }
 
 /// A depth file as it is, at its own resolution.
@@ -113,10 +116,7 @@ pub(super) fn confidence(path: &Path) -> Result<Map<f32>, DatasetError> {
 /// Opens a map of vectors: EXR channels X, Y, Z (or R, G, B), or an array `(H, W, 3)`. What is not finite becomes 0.
 pub(super) fn vectors(path: &Path) -> Result<Map<f32>, DatasetError> {
     let mut map = match open(path)? {
-        Content::Numpy(array) => {
-            let shape = format!("{:?}", array.shape);
-            Map::of_array(array, 3).ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W, 3)", shape))?
-        }
+        Content::Numpy(array) => raster(path, array, 3)?,
         Content::Exr(bytes) => exr::parse(path, &bytes, exr::VECTOR)?,
         Content::Picture(_) => {
             let found = "a picture".to_string();
@@ -136,11 +136,7 @@ pub(super) fn objects(path: &Path) -> Result<Map<u8>, DatasetError> {
         values: map.values.into_iter().map(|value| if value != 0.0 && !value.is_nan() { 255 } else { 0 }).collect(),
     };
     match open(path)? {
-        Content::Numpy(array) => {
-            let shape = format!("{:?}", array.shape);
-            let map = Map::of_array(array, 1).map(binary);
-            map.ok_or_else(|| DatasetError::malformed(path, "shape", "(H, W), (1, H, W) or (H, W, 1)", shape))
-        }
+        Content::Numpy(array) => raster(path, array, 1).map(binary),
         Content::Exr(bytes) => exr::parse(path, &bytes, exr::DEPTH).map(binary),
         Content::Picture(picture) => {
             let (width, height) = (picture.width() as usize, picture.height() as usize);
@@ -156,23 +152,14 @@ pub(super) fn objects(path: &Path) -> Result<Map<u8>, DatasetError> {
 /// The first channel's numbers as they are. Pictures of depth in false colours are refused: their channels say nothing.
 fn first_channel(path: &Path, picture: DynamicImage) -> Result<Map<f32>, DatasetError> {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let channels = usize::from(picture.color().channel_count());
-    let first = |values: Vec<f32>| -> Option<Vec<f32>> {
-        let grey =
-            channels < 3 || values.chunks_exact(channels).all(|pixel| pixel[0] == pixel[1] && pixel[1] == pixel[2]);
-        grey.then(|| values.into_iter().step_by(channels).collect())
+    // Grey levels become equal channels, which nothing rounds.
+    let values: Vec<f32> = match picture.color().bytes_per_pixel() / picture.color().channel_count() {
+        1 => picture.into_rgb8().into_raw().into_iter().map(f32::from).collect(),
+        2 => picture.into_rgb16().into_raw().into_iter().map(f32::from).collect(),
+        _ => Vec::new(),
     };
-    let values = match picture {
-        DynamicImage::ImageLuma8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageLumaA8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageRgb8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageRgba8(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageLuma16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageLumaA16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageRgb16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        DynamicImage::ImageRgba16(image) => first(image.into_raw().into_iter().map(f32::from).collect()),
-        _ => None,
-    };
-    let map = values.and_then(|values| Map::new(width, height, 1, values));
+    let (pixels, _) = values.as_chunks::<3>();
+    let is_grey = pixels.iter().all(|[r, g, b]| r == g && g == b);
+    let map = Map::new(width, height, 1, pixels.iter().map(|[level, ..]| *level).collect()).filter(|_| is_grey);
     map.ok_or_else(|| DatasetError::malformed(path, "colours", "grey levels of depth", "a picture in false colours"))
 }

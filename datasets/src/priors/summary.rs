@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gs_base::{agree, counted};
+use gs_base::{clause, counted, median};
 
 use super::attach::{Reason, SideNotes};
 use crate::findings::Findings;
@@ -115,10 +115,8 @@ fn masks(scene: &Path, views: &[Noted], findings: &mut Findings) {
             some_names(&empty)
         ));
     }
-    let mut sorted: Vec<f64> = shares.iter().map(|(_, share)| *share).collect();
-    sorted.sort_by(f64::total_cmp);
-    if let Some(median) = sorted.get(sorted.len() / 2)
-        && *median > SUSPECT_SHARE
+    if let Some(median) = median(shares.iter().map(|(_, share)| *share).collect())
+        && median > SUSPECT_SHARE
     {
         findings.warn(format!(
             "{}: THE MASKS MARK {:.0} % OF THE MEDIAN VIEW AS MOVING. They may mean the opposite: look at one; \
@@ -155,7 +153,7 @@ pub(crate) fn facts(views: &[Noted]) -> Vec<String> {
                 (Kind::Moving, _) => format!(", {:.1} % of the pixels on average", 100.0 * mean),
                 _ => String::new(),
             };
-            format!("{} {} {kind}{detail}.", counted(count, "view"), agree(count, "has", "have"))
+            format!("{} {kind}{detail}.", clause(count, "view", "has", "have"))
         })
         .collect()
 }

@@ -1,11 +1,11 @@
 //! Blurry sets made from the frames of multi-view video.
 
+use gs_datasets::LoadOptions;
 use gs_datasets::light::{to_byte, to_linear};
 use gs_datasets::{BlurFromFrames, blur_from_frames};
-use gs_datasets::{LoadOptions, load};
 use serde_json::{Value, json};
 
-use crate::fixtures::{Folder, held_out, ring};
+use crate::fixtures::{Folder, held_out, ring, warned};
 
 /// Grey of frame `frame` of camera `camera` at column `x`: a bright bar over a dark ground, one pixel on per frame.
 fn grey(camera: usize, frame: usize, x: usize) -> u8 {
@@ -81,10 +81,8 @@ fn what_is_written_is_read_with_the_source_cameras() {
     let options = BlurFromFrames { max_width: Some(6), ..options() };
     let summary = blur_from_frames(source.path(), out.path(), &options).expect("written");
     assert_eq!((summary.train_cameras, summary.test_cameras, summary.photos), (2, 1, 6));
-    let (before, after) = (
-        load(source.path(), &LoadOptions { max_width: Some(6), ..LoadOptions::default() }).expect("the source"),
-        load(out.path(), &LoadOptions::default()).expect("the blurred set"),
-    );
+    let (before, after) =
+        (source.load(&LoadOptions { max_width: Some(6), ..LoadOptions::default() }), out.load(&LoadOptions::default()));
     assert_eq!((after.train.len(), held_out(&after).len()), (4, 2));
     for (old, new) in [(&before.train[7], &after.train[2]), (&held_out(&before)[1], &held_out(&after)[0])] {
         assert_eq!((new.width, new.height, &new.camera_id), (6, 5, &old.camera_id));
@@ -105,7 +103,7 @@ fn a_gap_costs_the_windows_over_it() {
     let every = BlurFromFrames { stride: 1, ..options() };
     let summary = blur_from_frames(source.path(), out.path(), &every).expect("written");
     assert_eq!(summary.photos, 6 + 6 + 3);
-    assert!(summary.warnings.iter().any(|warning| warning.contains("2 of camera 0")), "{:?}", summary.warnings);
+    warned(&summary.warnings, &["2 of camera 0"]);
 }
 
 #[test]

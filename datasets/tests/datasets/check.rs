@@ -4,7 +4,7 @@ use gs_datasets::{LoadOptions, SceneFormat, check};
 use serde_json::json;
 
 use crate::colmap;
-use crate::fixtures::{Folder, ring_scene};
+use crate::fixtures::{Folder, move_camera, ring_scene};
 
 #[test]
 fn a_sound_scene_is_described() {
@@ -68,10 +68,7 @@ fn one_mistake_in_all_frames_is_one_error() {
 fn small_worlds_have_digits() {
     let (folder, mut top) = ring_scene(9);
     for i in 0..9 {
-        for row in 0..3 {
-            let value = top["frames"][i]["transform_matrix"][row][3].as_f64().expect("a number");
-            top["frames"][i]["transform_matrix"][row][3] = json!(0.001 * value);
-        }
+        move_camera(&mut top["frames"][i], 0.001, [0.0; 3]);
     }
     folder.write_json("transforms.json", &top);
     let text = check(folder.path(), &LoadOptions::default()).to_string();

@@ -39,6 +39,15 @@ pub struct Model {
 const MODEL_NAMES: [&str; 7] =
     ["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV"];
 
+/// Names of a model's files.
+pub const STEMS: [&str; 3] = ["cameras", "images", "points3D"];
+
+fn write_files(folder: &Folder, below: &str, ending: &str, files: [impl AsRef<[u8]>; 3]) {
+    for (stem, bytes) in STEMS.into_iter().zip(files) {
+        folder.write(&format!("{below}/{stem}.{ending}"), bytes);
+    }
+}
+
 impl Model {
     pub fn write_text(&self, folder: &Folder, below: &str) {
         let mut cameras = "# Camera list\n".to_string();
@@ -68,16 +77,11 @@ impl Model {
         for Point { id, position: [x, y, z], color: [r, g, b] } in &self.points {
             writeln!(points, "{id} {x:?} {y:?} {z:?} {r} {g} {b} 0.5 3 0 7 1").expect("text");
         }
-        folder.write(&format!("{below}/cameras.txt"), cameras);
-        folder.write(&format!("{below}/images.txt"), images);
-        folder.write(&format!("{below}/points3D.txt"), points);
+        write_files(folder, below, "txt", [cameras, images, points]);
     }
 
     pub fn write_binary(&self, folder: &Folder, below: &str) {
-        let [cameras, images, points] = self.binary();
-        folder.write(&format!("{below}/cameras.bin"), cameras);
-        folder.write(&format!("{below}/images.bin"), images);
-        folder.write(&format!("{below}/points3D.bin"), points);
+        write_files(folder, below, "bin", self.binary());
     }
 
     pub fn binary(&self) -> [Vec<u8>; 3] {

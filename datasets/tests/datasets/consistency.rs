@@ -1,9 +1,9 @@
 //! Times, exposures and cameras that contradict themselves or each other.
 
-use gs_datasets::{Holdout, LoadOptions, Scene, check, load};
+use gs_datasets::{LoadOptions, Scene, check, load};
 use serde_json::{Value, json};
 
-use crate::fixtures::{Folder, held_out, rig, ring, ring_scene};
+use crate::fixtures::{Folder, all, held_out, move_camera, rig, ring, ring_scene};
 
 /// Two training cameras and a held-out one at four times, 0.1 apart.
 fn set() -> (Folder, Value, Value) {
@@ -27,11 +27,10 @@ fn read_with(folder: &Folder, train: &Value, test: &Value, options: &LoadOptions
 }
 
 #[track_caller]
-fn only_warning<'a>(scene: &'a Scene, parts: &[&str]) -> &'a str {
+fn only_warning(scene: &Scene, parts: &[&str]) {
     assert_eq!(scene.warnings.len(), 1, "{}", scene.warnings.join("\n"));
     let text = &scene.warnings[0];
     parts.iter().for_each(|part| assert!(text.contains(part), "{part:?} is not in {text:?}"));
-    text
 }
 
 #[test]
@@ -45,6 +44,63 @@ fn a_sound_set_is_not_complained_about() {
         ["exposure of 8 views is 0.09, 0.90 of the frame interval", "3 of 3 cameras with several times are static"]
     {
         assert!(report.contains(part), "{part:?} is not in\n{report}");
+    }
+}
+
+/// A change of the training and the test set.
+type Change = fn(&mut Value, &mut Value);
+
+/// Changes, parts of the one warning about each, and how many views train then.
+const CONTRADICTIONS: [(Change, &[&str], usize); 7] = [
+    // The first photo of a time is kept.
+    (
+        |train, _| train["frames"][2]["time"] = json!(0.1),
+        &["times repeat: 1 photo has", "train/cam00/0002 after train/cam00/0001"],
+        7,
+    ),
+    (
+        |train, _| train["frames"][2]["time"] = json!(0.05),
+        &["backwards in 1 place although", "train/cam00/0002 at 0.05 after train/cam00/0001 at 0.1"],
+        8,
+    ),
+    (
+        |train, _| train["frames"][2]["transform_matrix"][0][3] = json!(0.5),
+        &["1 camera changes its pose over time (cam00)"],
+        8,
+    ),
+    (|_, test| test["camera_angle_x"] = json!(1.2), &["one set of intrinsics", "1.182", "0.730"], 8),
+    (
+        |_, test| {
+            for i in 0..4 {
+                test["frames"][i]["camera_id"] = json!("cam00");
+                test["frames"][i]["camera_angle_x"] = json!(1.2);
+                test["frames"][i]["transform_matrix"] = ring(0);
+            }
+        },
+        &["1 camera has another pose or other intrinsics in the test set", "(cam00)"],
+        8,
+    ),
+    // The test set in other units.
+    (
+        |_, test| (0..4).for_each(|i| move_camera(&mut test["frames"][i], 100.0, [0.0; 3])),
+        &["4 held-out views turn their back", "one world"],
+        8,
+    ),
+    (
+        |_, test| test["frames"][3]["time"] = json!(0.5),
+        &["1 held-out view was", "test/cam02/0003", "held out from 0 to 0.5, training from 0 to 0.3"],
+        8,
+    ),
+];
+
+#[test]
+fn sets_that_contradict_themselves_are_told() {
+    for (change, parts, count) in CONTRADICTIONS {
+        let (folder, mut train, mut test) = set();
+        change(&mut train, &mut test);
+        let scene = read(&folder, &train, &test);
+        only_warning(&scene, parts);
+        assert_eq!(scene.train.len(), count, "{parts:?}");
     }
 }
 
@@ -74,15 +130,13 @@ fn an_exposure_that_is_no_duration_is_an_error() {
         let (folder, mut train, _) = set();
         train["frames"][1]["exposure"] = value;
         folder.write_json("transforms_train.json", &train);
-        let error = load(folder.path(), &LoadOptions::default()).expect_err("no duration").to_string();
-        assert!(error.contains("exposure") && error.contains("train/cam00/0001.png"), "{error}");
+        folder.refused(&LoadOptions::default(), &["exposure", "train/cam00/0001.png"]);
     }
     for exposure in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let (folder, train, _) = set();
         folder.write_json("transforms_train.json", &train);
         let options = LoadOptions { exposure: Some(exposure), ..LoadOptions::default() };
-        let error = load(folder.path(), &options).expect_err("no duration").to_string();
-        assert!(error.contains("option `exposure`"), "{error}");
+        folder.refused(&options, &["option `exposure`"]);
     }
 }
 
@@ -98,23 +152,9 @@ fn the_users_exposure_is_believed() {
     assert!(held_out(&scene).iter().all(|view| view.exposure == Some(0.3)));
 }
 
+/// frame_10 comes after frame_9, though not in the alphabet.
 #[test]
-fn a_time_that_repeats_keeps_the_first_photo() {
-    let (folder, mut train, test) = set();
-    train["frames"][2]["time"] = json!(0.1);
-    let scene = read(&folder, &train, &test);
-    only_warning(&scene, &["times repeat: 1 photo has", "train/cam00/0002 after train/cam00/0001"]);
-    assert_eq!(scene.train.len(), 7);
-}
-
-#[test]
-fn times_that_run_backwards_are_told() {
-    let (folder, mut train, test) = set();
-    train["frames"][2]["time"] = json!(0.05);
-    let scene = read(&folder, &train, &test);
-    only_warning(&scene, &["backwards in 1 place although", "train/cam00/0002 at 0.05 after train/cam00/0001 at 0.1"]);
-    assert_eq!(scene.train.len(), 8);
-    // frame_10 comes after frame_9, though not in the alphabet.
+fn times_in_the_order_of_numbers_do_not_run_backwards() {
     let folder = Folder::new();
     let mut names = rig(&folder, "train", 0, 2, 12);
     for i in 0..12 {
@@ -127,50 +167,12 @@ fn times_that_run_backwards_are_told() {
 }
 
 #[test]
-fn a_camera_that_moves_is_told() {
-    let (folder, mut train, test) = set();
-    train["frames"][2]["transform_matrix"][0][3] = json!(0.5);
-    let scene = read(&folder, &train, &test);
-    only_warning(&scene, &["1 camera changes its pose over time (cam00)"]);
-}
-
-#[test]
-fn train_and_test_sets_that_disagree_are_told() {
-    let (folder, train, mut test) = set();
-    test["camera_angle_x"] = json!(1.2);
-    let scene = read(&folder, &train, &test);
-    only_warning(&scene, &["one set of intrinsics", "1.182", "0.730"]);
-
-    let (folder, train, mut test) = set();
-    for i in 0..4 {
-        test["frames"][i]["camera_id"] = json!("cam00");
-        test["frames"][i]["camera_angle_x"] = json!(1.2);
-        test["frames"][i]["transform_matrix"] = ring(0);
-    }
-    let scene = read(&folder, &train, &test);
-    only_warning(&scene, &["1 camera has another pose or other intrinsics in the test set", "(cam00)"]);
-
-    // The test set in other units.
-    let (folder, train, mut test) = set();
-    for i in 0..4 {
-        for row in 0..3 {
-            let value = test["frames"][i]["transform_matrix"][row][3].as_f64().expect("a number");
-            test["frames"][i]["transform_matrix"][row][3] = json!(value * 100.0);
-        }
-    }
-    let scene = read(&folder, &train, &test);
-    only_warning(&scene, &["4 held-out views turn their back", "one world"]);
-}
-
-#[test]
 fn a_camera_far_from_all_others_is_named() {
     let (folder, mut top) = ring_scene(6);
     folder.write_json("transforms.json", &top);
-    let options = LoadOptions { holdout: Holdout::None, ..LoadOptions::default() };
-    assert!(load(folder.path(), &options).expect("loaded").warnings.is_empty());
+    assert!(folder.load(&all()).warnings.is_empty());
     top["frames"][4]["transform_matrix"][0][3] = json!(1000.0);
-    folder.write_json("transforms.json", &top);
-    let scene = load(folder.path(), &options).expect("loaded");
+    let scene = folder.scene(&top, &all());
     only_warning(&scene, &["1 camera stands more than 10 times", "(images/04)"]);
 }
 
@@ -192,7 +194,7 @@ fn cameras_are_told_apart_by_their_poses_where_nothing_names_them() {
     }
     let (folder_2, _, _) = set();
     folder_2.write_json("transforms_train.json", &train);
-    let scene = load(folder_2.path(), &LoadOptions::default()).expect("loaded");
+    let scene = folder_2.load(&LoadOptions::default());
     assert!(scene.train.iter().all(|view| view.camera_id.is_none()));
 }
 
@@ -210,15 +212,6 @@ fn exposures_that_differ_are_told_with_the_one_that_is_taken() {
     train["frames"][5]["exposure"] = json!(0.02);
     test["exposure"] = json!(0.05);
     assert!(read(&folder, &train, &test).warnings.is_empty());
-}
-
-#[test]
-fn held_out_times_beyond_the_training_times_are_told() {
-    let (folder, train, mut test) = set();
-    test["frames"][3]["time"] = json!(0.5);
-    let scene = read(&folder, &train, &test);
-    let parts = ["1 held-out view was", "test/cam02/0003", "held out from 0 to 0.5, training from 0 to 0.3"];
-    only_warning(&scene, &parts);
 }
 
 #[test]

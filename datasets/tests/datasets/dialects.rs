@@ -1,17 +1,13 @@
 //! COLMAP models and tables of RealityScan as other programs write them.
 
 use glam::DVec3;
-use gs_datasets::{Holdout, LoadOptions, Scene, SceneFormat, check, load, load_cameras};
+use gs_datasets::{Scene, SceneFormat, check, load, load_cameras};
 
-use crate::colmap::{Model, example};
-use crate::fixtures::{Folder, names};
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
+use crate::colmap::{ENCODINGS, example};
+use crate::fixtures::{Folder, all, cloud, names, warned};
 
 fn load_all(folder: &Folder) -> Scene {
-    load(folder.path(), &options()).expect("loaded")
+    folder.load(&all())
 }
 
 fn moved(folder: &Folder, from: &str, to: &str) {
@@ -56,14 +52,14 @@ fn models_of_other_programs_load() {
         model.cameras.push(crate::colmap::Camera { id: 100 + i as u32, model: 1, width: 80, height: 60, params });
     }
     model.points.clear();
-    for (write, rigs) in [(Model::write_text as fn(&Model, &Folder, &str), "txt"), (Model::write_binary, "bin")] {
+    for (write, rigs) in ENCODINGS {
         write(&model, &folder, "sparse/0");
         folder.write(&format!("sparse/0/rigs.{rigs}"), "1 1 CAMERA 100\n");
         folder.write(&format!("sparse/0/frames.{rigs}"), "1 1 1 0 0 0 0 0 0 1 CAMERA 100 90\n");
         let scene = load_all(&folder);
         assert_eq!((scene.train.len(), scene.points.map_or(0, |points| points.len())), (4, 0));
         assert!((scene.train[0].intrinsics.fx - 40.0).abs() < 1e-9, "rescaled to the photo");
-        assert!(scene.warnings.iter().any(|text| text.contains("rescaled")), "{:?}", scene.warnings);
+        warned(&scene.warnings, &["rescaled"]);
     }
     std::fs::remove_file(folder.file("sparse/0/points3D.bin")).expect("removed");
     assert!(load_all(&folder).warnings.iter().any(|text| text.contains("no points")));
@@ -101,13 +97,9 @@ fn tables_of_realityscan_load() {
          a.png,1,2,3,0,90,0,36,0.05,-0.025,0,0,0,0,0,0\r\nb.jpg,0,0,0,90,90,0,18,0,0,0,0,0,0,0,0\n\
          gone.png,0,0,0,0,0,0,18,0,0,0,0,0,0,0,0\n",
     );
-    folder.write(
-        "cameras.ply",
-        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 \
-         9 3\n2 9 3\n",
-    );
+    folder.write("cameras.ply", cloud("float", &[[1.0, 9.0, 3.0], [2.0, 9.0, 3.0]]));
     for path in [folder.path().to_path_buf(), folder.file("cameras.csv")] {
-        let scene = load(&path, &options()).expect("loaded");
+        let scene = load(&path, &all()).expect("loaded");
         assert_eq!((scene.format, names(&scene.train)), (SceneFormat::RealityScan, vec!["a", "b"]));
         let [a, b] = &scene.train[..] else { panic!("two views") };
         assert!((a.c2w.w_axis.truncate() - DVec3::new(1.0, 2.0, 3.0)).length() < 1e-12);
@@ -125,15 +117,14 @@ fn tables_of_realityscan_load() {
         let told = scene.warnings.join(" ");
         assert!(told.contains("1 of 3 photos does not exist") && told.contains("gone.png"), "{told}");
     }
-    assert!(check(folder.path(), &options()).to_string().contains("RealityScan"));
+    assert!(check(folder.path(), &all()).to_string().contains("RealityScan"));
     for (row, word) in [
         ("a.png,1,2,3,0,90,0,x", "column f"),
         ("a.png,1,2,3,0,inf,0,36", "column pitch"),
         ("a.png,1", "column heading"),
     ] {
         folder.write("cameras.csv", format!("#name,x,y,alt,heading,pitch,roll,f\n{row}\n"));
-        let error = load(folder.path(), &options()).expect_err("broken").to_string();
-        assert!(error.contains(word) && error.contains("line 2"), "{error}");
+        folder.refused(&all(), &[word, "line 2"]);
     }
 }
 
@@ -163,7 +154,7 @@ fn other_containers_are_read() {
         assert_eq!(view.image.data, photo.as_raw().as_slice(), "{extension}");
         for length in [bytes.len() / 2, 20] {
             folder.write(&format!("images/b.{extension}"), &bytes[..length]);
-            assert!(load(folder.path(), &options()).is_err(), "{extension} of {length} bytes");
+            assert!(load(folder.path(), &all()).is_err(), "{extension} of {length} bytes");
         }
     }
 }
@@ -183,7 +174,7 @@ fn a_turned_photo_is_told() {
     folder.write("images/z.jpg", jpeg);
     model.images[3].name = "z.jpg".into();
     model.write_text(&folder, "sparse/0");
-    let report = check(folder.path(), &options());
+    let report = check(folder.path(), &all());
     assert!(
         report.is_ok() && report.to_string().contains("1 image has an EXIF orientation, which is not applied"),
         "{report}"

@@ -1,14 +1,10 @@
 //! Broken calibrations: lenses that fold inside the photo, cameras without numbers. One fault is one sentence.
 
-use gs_datasets::{Holdout, LoadOptions, check, load, load_cameras};
+use gs_datasets::{check, load, load_cameras};
 use serde_json::json;
 
 use crate::colmap::{Camera, example};
-use crate::fixtures::{Folder, names, ring_scene};
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
+use crate::fixtures::{Folder, all, names, ring_scene};
 
 /// Photos of 32 x 24 pixels with a focal length of 30: corners are at 0.66 focal lengths.
 #[test]
@@ -26,8 +22,8 @@ fn a_lens_that_folds_inside_the_photo_is_refused_with_its_radius() {
             top[*key] = json!(value);
         }
         folder.write_json("transforms.json", &top);
-        let error = load(folder.path(), &options()).expect_err("diverged").to_string();
-        let report = check(folder.path(), &options());
+        let error = load(folder.path(), &all()).expect_err("diverged").to_string();
+        let report = check(folder.path(), &all());
         assert_eq!(report.errors.len(), 1, "{report}");
         for text in [&error, &report.errors[0]] {
             let (key, value) = keys[0];
@@ -54,9 +50,7 @@ fn a_lens_of_every_colmap_model_that_folds_is_refused() {
         let mut example = example(&folder);
         example.cameras[1] = Camera { id: 4, model, width: 40, height: 30, params };
         example.write_binary(&folder, "sparse/0");
-        let error = load(folder.path(), &options()).expect_err("diverged").to_string();
-        assert!(error.contains("folds back") && error.contains("cameras.bin"), "model {model}: {error}");
-        assert!(!check(folder.path(), &options()).is_ok());
+        folder.refused_by_both(&all(), &["folds back", "cameras.bin"]);
     }
 }
 
@@ -67,10 +61,9 @@ fn a_lens_that_folds_in_the_corners_or_outside_loads() {
     for (k1, is_cut) in [(-0.41, true), (-0.25, false)] {
         let (folder, mut top) = ring_scene(3);
         top["k1"] = json!(k1);
-        folder.write_json("transforms.json", &top);
-        let scene = load(folder.path(), &options()).expect("loads");
+        let scene = folder.scene(&top, &all());
         assert!(scene.train[0].mask.is_none() || is_cut, "{k1}");
-        assert!(check(folder.path(), &options()).is_ok());
+        assert!(check(folder.path(), &all()).is_ok());
     }
 }
 
@@ -91,9 +84,9 @@ fn a_broken_camera_costs_its_own_images() {
         let text = std::fs::read_to_string(folder.file("sparse/0/cameras.txt")).expect("read");
         let lines = text.lines().map(|old| if old.starts_with("12 ") { line } else { old });
         folder.write("sparse/0/cameras.txt", lines.collect::<Vec<_>>().join("\n"));
-        let scene = load(folder.path(), &options()).expect("the others load");
+        let scene = folder.load(&all());
         assert_eq!(names(&scene.train), ["a photo", "b", "left/a"], "{line}");
-        let report = check(folder.path(), &options());
+        let report = check(folder.path(), &all());
         assert!(report.is_ok() && report.warnings == scene.warnings, "{report}");
         assert_eq!(report.warnings.len(), 1, "{report}");
         let said = &report.warnings[0];
@@ -103,13 +96,12 @@ fn a_broken_camera_costs_its_own_images() {
     let mut model = example(&folder);
     model.cameras[0].params[1] = f64::NAN;
     model.write_binary(&folder, "sparse/0");
-    assert_eq!(load(folder.path(), &options()).expect("the others load").train.len(), 3);
+    assert_eq!(folder.load(&all()).train.len(), 3);
     // Without any sound camera there is nothing.
     model.cameras[1].params[1] = f64::NAN;
     model.write_binary(&folder, "sparse/0");
-    let error = load(folder.path(), &options()).expect_err("none").to_string();
-    assert!(error.contains("no sound camera of 4 images"), "{error}");
-    assert!(!check(folder.path(), &options()).is_ok());
+    folder.refused(&all(), &["no sound camera of 4 images"]);
+    assert!(!check(folder.path(), &all()).is_ok());
 }
 
 /// One camera of three images, and one camera for each image.
@@ -127,10 +119,10 @@ fn a_camera_model_that_is_not_read_is_one_sentence() {
             }
         }
         model.write_binary(&folder, "sparse/0");
-        let report = check(folder.path(), &options());
+        let report = check(folder.path(), &all());
         assert_eq!(report.errors.len(), 1, "{report}");
         assert!(report.errors[0].contains("OPENCV_FISHEYE of 3 images"), "{report}");
-        assert!(!load(folder.path(), &options()).is_ok_and(|_| true));
+        assert!(!load(folder.path(), &all()).is_ok_and(|_| true));
     }
     // Cameras that no line lists.
     let folder = Folder::new();
@@ -138,12 +130,12 @@ fn a_camera_model_that_is_not_read_is_one_sentence() {
     model.images[0].camera_id = 1000;
     model.images[1].camera_id = 1001;
     model.write_text(&folder, "sparse/0");
-    let report = check(folder.path(), &options());
+    let report = check(folder.path(), &all());
     assert_eq!(report.errors.len(), 1, "{report}");
     assert!(report.errors[0].contains("cameras 1000, 1001 of 2 images"), "{report}");
     // A list of cameras that cannot be read is one fault.
     folder.write("sparse/0/cameras.txt", "one PINHOLE 40 30\n");
-    let report = check(folder.path(), &options());
+    let report = check(folder.path(), &all());
     assert_eq!(report.errors.len(), 1, "{report}");
 }
 
@@ -154,14 +146,14 @@ fn texts_of_other_tools_are_read() {
     let mut model = example(&folder);
     model.images[2].seen.clear();
     model.write_text(&folder, "sparse/0");
-    let whole = load(folder.path(), &options()).expect("loads");
+    let whole = folder.load(&all());
     let poses = load_cameras(folder.path()).expect("cameras");
     for name in ["cameras", "images", "points3D"] {
         let file = format!("sparse/0/{name}.txt");
         let text = std::fs::read_to_string(folder.file(&file)).expect("read");
         folder.write(&file, format!("\u{feff}{}", text.replace('\n', "\r\n")));
     }
-    assert_eq!(load(folder.path(), &options()).expect("loads"), whole);
+    assert_eq!(folder.load(&all()), whole);
     let text = std::fs::read_to_string(folder.file("sparse/0/images.txt")).expect("read");
     let without_empty: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
     assert_eq!(without_empty.len() + 2, text.lines().count(), "two images see nothing");
@@ -169,12 +161,11 @@ fn texts_of_other_tools_are_read() {
         text.lines().enumerate().filter(|(i, _)| *i == 0 || i % 2 == 1).map(|(_, line)| line).collect();
     for lines in [without_empty, headers] {
         folder.write("sparse/0/images.txt", lines.join("\n"));
-        assert_eq!(load(folder.path(), &options()).expect("loads"), whole);
+        assert_eq!(folder.load(&all()), whole);
         assert_eq!(load_cameras(folder.path()).expect("cameras"), poses);
     }
     // Observations that are cut are no image.
     let cut = text.lines().map(|line| if line.contains(" -1") { &line[..line.len() / 2] } else { line });
     folder.write("sparse/0/images.txt", cut.collect::<Vec<_>>().join("\n"));
-    let error = load(folder.path(), &options()).expect_err("cut").to_string();
-    assert!(error.contains("observations"), "{error}");
+    folder.refused(&all(), &["observations"]);
 }

@@ -1,20 +1,10 @@
 //! Photos and masks that are not where a description says: found, or named.
 
-use gs_datasets::{Holdout, LoadOptions, MaskUse, check, load};
+use gs_datasets::{LoadOptions, MaskUse, check};
 use serde_json::json;
 
 use crate::colmap::example;
-use crate::fixtures::{Folder, names, ring_scene};
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
-
-/// The error of `load`, or the report of `check`.
-fn said(folder: &Folder, options: &LoadOptions) -> (String, String) {
-    let error = load(folder.path(), options).err().map_or_else(String::new, |error| error.to_string());
-    (error, check(folder.path(), options).to_string())
-}
+use crate::fixtures::{Folder, all, names, ring_scene};
 
 #[test]
 fn paths_of_another_machine_are_found_by_their_ends() {
@@ -31,17 +21,16 @@ fn paths_of_another_machine_are_found_by_their_ends() {
         }
         top["frames"][0]["mask_path"] = there("masks/00.png");
         top["train_filenames"] = json!([there("images/00.png"), there("images/deep/01.png"), there("images/02.png")]);
-        folder.write_json("transforms.json", &top);
-        let scene = load(folder.path(), &options()).expect("loads");
+        let scene = folder.scene(&top, &all());
         assert_eq!(names(&scene.train), ["images/00", "images/02", "images/deep/01"], "{prefix}");
         assert!(scene.train[0].mask.is_some() && scene.train[1].mask.is_none());
         let said = scene.warnings.join(" ");
         assert!(said.contains("3 photos were found under another name") && said.contains("as images/00.png"), "{said}");
         // By the last part of the name alone, if only one file has it.
         std::fs::rename(folder.file("images/deep"), folder.file("images/deeper")).expect("moved");
-        assert_eq!(load(folder.path(), &options()).expect("loads").train.len(), 3);
+        assert_eq!(folder.load(&all()).train.len(), 3);
         folder.photo("images/other/01.png", 32, 24);
-        let scene = load(folder.path(), &options()).expect("loads");
+        let scene = folder.load(&all());
         assert_eq!(names(&scene.train), ["images/00", "images/02"]);
         assert!(scene.warnings.join(" ").contains("more than one file"), "{:?}", scene.warnings);
     }
@@ -50,8 +39,7 @@ fn paths_of_another_machine_are_found_by_their_ends() {
     top["frames"][0]["file_path"] = json!("/a/images/02.png");
     top["frames"][1]["file_path"] = json!("/b/images/02.png");
     folder.write_json("transforms.json", &top);
-    let (error, report) = said(&folder, &options());
-    assert!(error.contains("another pose") && report.contains("another pose"), "{error} {report}");
+    folder.refused_by_both(&all(), &["another pose"]);
 }
 
 /// A frame whose own photo is missing does not take one of another list.
@@ -60,15 +48,14 @@ fn relative_paths_are_not_looked_for_in_other_folders() {
     let (folder, mut top) = ring_scene(3);
     folder.photo("test/01.png", 32, 24);
     std::fs::remove_file(folder.file("images/01.png")).expect("removed");
-    folder.write_json("transforms.json", &top);
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.scene(&top, &all());
     assert_eq!(names(&scene.train), ["images/00", "images/02"]);
     assert!(!scene.warnings.join(" ").contains("test/01.png"), "{:?}", scene.warnings);
     // Another extension in the same place is the photo, converted.
     folder.photo("images/01.png", 32, 24);
     top["frames"][1]["file_path"] = json!("images/01.heic");
     folder.write_json("transforms.json", &top);
-    assert_eq!(load(folder.path(), &options()).expect("loads").train.len(), 3);
+    assert_eq!(folder.load(&all()).train.len(), 3);
 }
 
 #[test]
@@ -80,20 +67,14 @@ fn photos_in_another_container_beside_the_names_are_named() {
     for name in ["b", "left/a"] {
         folder.write(&format!("images/{name}.exr"), exr);
     }
-    let (error, report) = said(&folder, &options());
-    for text in [error, report] {
-        assert!(text.contains("2 of them are there as OpenEXR (b.exr): convert"), "{text}");
-    }
+    folder.refused_by_both(&all(), &["2 of them are there as OpenEXR (b.exr): convert"]);
     let (folder, top) = ring_scene(2);
     for name in ["00", "01"] {
         std::fs::remove_file(folder.file(&format!("images/{name}.png"))).expect("removed");
         folder.write(&format!("images/{name}.exr"), exr);
     }
     folder.write_json("transforms.json", &top);
-    let (error, report) = said(&folder, &options());
-    for text in [error, report] {
-        assert!(text.contains("2 of them are there as OpenEXR (images/00.exr): convert"), "{text}");
-    }
+    folder.refused_by_both(&all(), &["2 of them are there as OpenEXR (images/00.exr): convert"]);
 }
 
 #[test]
@@ -101,19 +82,13 @@ fn a_folder_of_smaller_photos_is_named_with_its_key() {
     let folder = Folder::new();
     example(&folder).write_binary(&folder, "sparse/0");
     std::fs::rename(folder.file("images"), folder.file("images_4")).expect("moved");
-    let (error, report) = said(&folder, &options());
-    for text in [error, report] {
-        assert!(text.contains("images of these names are in images_4: --set data.images=images_4"), "{text}");
-    }
-    let options = LoadOptions { images: Some("images_4".into()), ..options() };
-    assert_eq!(load(folder.path(), &options).expect("loads").train.len(), 4);
+    folder.refused_by_both(&all(), &["images of these names are in images_4: --set data.images=images_4"]);
+    let options = LoadOptions { images: Some("images_4".into()), ..all() };
+    assert_eq!(folder.load(&options).train.len(), 4);
     let (folder, top) = ring_scene(2);
     folder.write_json("transforms.json", &top);
     std::fs::rename(folder.file("images"), folder.file("images_4")).expect("moved");
-    let (error, report) = said(&folder, &options);
-    for text in [error, report] {
-        assert!(text.contains("images/00.png is there as images_4/00.png"), "{text}");
-    }
+    folder.refused_by_both(&options, &["images/00.png is there as images_4/00.png"]);
 }
 
 #[test]
@@ -130,12 +105,12 @@ fn names_in_another_unicode_form_are_found() {
         folder.photo(&format!("images/{there}"), 40, 30);
     }
     model.write_text(&folder, "sparse/0");
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.load(&all());
     assert_eq!(scene.train.len(), 4);
     assert!(scene.warnings.join(" ").contains("in another Unicode form (NFC, NFD)"), "{:?}", scene.warnings);
     // Another accent at the same place could be meant too.
     folder.photo("images/m\u{ea}nage.png", 40, 30);
-    assert_eq!(load(folder.path(), &options()).expect("loads").train.len(), 3);
+    assert_eq!(folder.load(&all()).train.len(), 3);
 }
 
 #[test]
@@ -143,10 +118,7 @@ fn the_layout_of_another_method_is_named() {
     let folder = Folder::new();
     folder.photo("cam01/frame_00001.png", 8, 6);
     folder.write("poses_bounds_multipleview.npy", "");
-    let (error, report) = said(&folder, &options());
-    for text in [error, report] {
-        assert!(text.contains("multipleview layout of 4DGaussians") && text.contains("transforms.json"), "{text}");
-    }
+    folder.refused_by_both(&all(), &["multipleview layout of 4DGaussians", "transforms.json"]);
 }
 
 #[test]
@@ -154,8 +126,7 @@ fn an_empty_mask_path_is_no_mask() {
     let (folder, mut top) = ring_scene(2);
     top["frames"][0]["mask_path"] = json!("");
     top["frames"][1]["mask_path"] = json!(" ");
-    folder.write_json("transforms.json", &top);
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.scene(&top, &all());
     assert!(scene.train.iter().all(|view| view.mask.is_none()) && scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
 
@@ -165,24 +136,23 @@ fn masks_beside_photos_are_used() {
     let (folder, mut top) = ring_scene(2);
     folder.grey("images/00.mask.png", 32, 24, |x, _| if x < 8 { 0 } else { 255 });
     folder.write_json("transforms.json", &top);
-    let mask = |masks| load(folder.path(), &LoadOptions { masks, ..options() }).expect("loads").train.remove(0).mask;
+    let mask = |masks| folder.load(&LoadOptions { masks, ..all() }).train.remove(0).mask;
     let kept = mask(MaskUse::Auto).expect("a mask");
     assert_eq!((kept[7], kept[8]), (0, 255));
     assert_eq!(mask(MaskUse::KeepBlack).expect("a mask")[7], 255);
     assert_eq!((mask(MaskUse::Ignore), mask(MaskUse::Moving)), (None, None));
-    assert!(check(folder.path(), &options()).to_string().contains("1 file NAME.mask.png beside photos is a mask"));
+    assert!(check(folder.path(), &all()).to_string().contains("1 file NAME.mask.png beside photos is a mask"));
     // Where things move, they mark what moves.
     for i in 0..2 {
         top["frames"][i]["time"] = json!(i);
     }
     folder.write_json("transforms.json", &top);
-    let view = load(folder.path(), &options()).expect("loads").train.remove(0);
+    let view = folder.load(&all()).train.remove(0);
     assert!(view.mask.is_none() && view.priors.moving.is_some());
     let folder = Folder::new();
     example(&folder).write_binary(&folder, "sparse/0");
     folder.grey("images/left/a.mask.png", 40, 30, |x, _| if x < 10 { 0 } else { 255 });
-    let masked: Vec<bool> =
-        load(folder.path(), &options()).expect("loads").train.iter().map(|view| view.mask.is_some()).collect();
+    let masked: Vec<bool> = folder.load(&all()).train.iter().map(|view| view.mask.is_some()).collect();
     assert_eq!(masked, [false, false, true, false]);
 }
 
@@ -200,16 +170,11 @@ fn masks_by_other_names_are_named() {
         let (folder, top) = ring_scene(2);
         folder.write_json("transforms.json", &top);
         folder.grey(name, 32, 24, |x, _| (8 * x) as u8);
-        let scene = load(folder.path(), &options()).expect("loads");
+        let scene = folder.load(&all());
         let warned: Vec<&String> =
             scene.warnings.iter().filter(|text| text.contains("1 mask named after photos is not used")).collect();
         assert_eq!((scene.train.len(), warned.len()), (2, 1), "{name}: {:?}", scene.warnings);
-        assert!(
-            load(folder.path(), &LoadOptions { masks: MaskUse::Ignore, ..options() })
-                .expect("loads")
-                .warnings
-                .is_empty()
-        );
+        assert!(folder.load(&LoadOptions { masks: MaskUse::Ignore, ..all() }).warnings.is_empty());
     }
 }
 
@@ -218,20 +183,15 @@ fn a_photo_of_no_bytes_is_empty() {
     let (folder, top) = ring_scene(2);
     folder.write_json("transforms.json", &top);
     folder.write("images/01.png", "");
-    let (error, report) = said(&folder, &options());
-    assert!(
-        error.contains("images/01.png") && error.contains("an empty file") && report.contains("an empty file"),
-        "{error}"
-    );
+    folder.refused_by_both(&all(), &["images/01.png", "an empty file"]);
 }
 
 #[test]
 fn one_photo_is_told_how_to_train_it() {
     let (folder, top) = ring_scene(1);
     folder.write_json("transforms.json", &top);
-    let (error, report) = said(&folder, &LoadOptions::default());
-    assert!(error.contains("--set data.holdout=none") && report.contains("--set data.holdout=none"), "{error}");
-    assert_eq!(load(folder.path(), &options()).expect("the way out").train.len(), 1);
+    folder.refused_by_both(&LoadOptions::default(), &["--set data.holdout=none"]);
+    assert_eq!(folder.load(&all()).train.len(), 1);
 }
 
 #[test]
@@ -242,17 +202,13 @@ fn photos_of_one_colour_are_refused() {
         for i in 0..4 {
             folder.rgba(&format!("images/{i:02}.png"), 32, 24, |_, _| color);
         }
-        for options in [options(), LoadOptions::default()] {
-            let (error, report) = said(&folder, &options);
-            assert!(
-                error.contains("one colour all over") && report.contains("one colour all over"),
-                "{error} {report}"
-            );
+        for options in [all(), LoadOptions::default()] {
+            folder.refused_by_both(&options, &["one colour all over"]);
         }
         // One pixel is something.
         folder.rgba("images/02.png", 32, 24, |x, y| if (x, y) == (31, 23) { [1, 2, 3, 255] } else { color });
-        let (error, report) = said(&folder, &options());
-        assert!(error.is_empty() && report.contains("Good to load"), "{error} {report}");
+        folder.load(&all());
+        assert!(check(folder.path(), &all()).to_string().contains("Good to load"));
     }
 }
 
@@ -265,7 +221,7 @@ fn large_numbers_are_short() {
     top["frames"][2]["transform_matrix"][0][0] = json!(1e200);
     top["frames"][3]["fl_x"] = json!(-1e300);
     folder.write_json("transforms.json", &top);
-    let report = check(folder.path(), &options()).to_string();
+    let report = check(folder.path(), &all()).to_string();
     let run = report.split(|c: char| !c.is_ascii_digit()).map(str::len).max();
     assert!(report.contains("e14") && run.is_some_and(|run| run < 20), "{report}");
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
+use gs_datasets::{Holdout, LoadOptions, Scene, check, load};
 use gs_worlds::deblur::{DeblurOptions, write};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Value, json};
@@ -39,6 +40,34 @@ impl Folder {
 
     pub fn write_json(&self, name: &str, value: &Value) {
         self.write(name, value.to_string());
+    }
+
+    /// The data set in the folder.
+    #[track_caller]
+    pub fn load(&self, options: &LoadOptions) -> Scene {
+        load(self.path(), options).expect("loaded")
+    }
+
+    /// Writes the description and loads the data set.
+    #[track_caller]
+    pub fn scene(&self, top: &Value, options: &LoadOptions) -> Scene {
+        self.write_json("transforms.json", top);
+        self.load(options)
+    }
+
+    /// Loading ends with a sentence that holds all of `parts`.
+    #[track_caller]
+    pub fn refused(&self, options: &LoadOptions, parts: &[&str]) {
+        let error = load(self.path(), options).expect_err("refused").to_string();
+        assert!(parts.iter().all(|part| error.contains(part)), "{parts:?}: {error}");
+    }
+
+    /// Loading and checking both refuse the data set, with sentences that hold all of `parts`.
+    #[track_caller]
+    pub fn refused_by_both(&self, options: &LoadOptions, parts: &[&str]) {
+        self.refused(options, parts);
+        let report = check(self.path(), options);
+        assert!(!report.is_ok() && parts.iter().all(|part| report.to_string().contains(part)), "{parts:?}: {report}");
     }
 
     /// An RGB image of one colour that depends on the name, so that images differ.
@@ -99,6 +128,21 @@ pub fn ring_scene(count: usize) -> (Folder, Value) {
     (folder, json!({ "fl_x": 30.0, "fl_y": 31.0, "cx": 15.5, "cy": 12.5, "w": 32, "h": 24, "frames": frames }))
 }
 
+/// Puts a camera at `scale` times its position, and `by` further.
+pub fn move_camera(frame: &mut Value, scale: f64, by: [f64; 3]) {
+    for (row, by) in by.into_iter().enumerate() {
+        let value = &mut frame["transform_matrix"][row][3];
+        *value = json!(scale * value.as_f64().expect("a number") + by);
+    }
+}
+
+/// Text of a PLY file of points with coordinates of the type `kind`.
+pub fn cloud(kind: &str, points: &[[f64; 3]]) -> String {
+    let properties = ["x", "y", "z"].map(|axis| format!("property {kind} {axis}\n")).concat();
+    let rows: String = points.iter().map(|[x, y, z]| format!("{x} {y} {z}\n")).collect();
+    format!("ply\nformat ascii 1.0\nelement vertex {}\n{properties}end_header\n{rows}", points.len())
+}
+
 /// Names of views.
 pub fn names(views: &[gs_datasets::View]) -> Vec<&str> {
     views.iter().map(|view| view.name.as_str()).collect()
@@ -144,6 +188,18 @@ pub fn rig(folder: &Folder, part: &str, first: usize, cameras: usize, times: usi
 }
 
 /// The views that figures are quoted on; none where none is held out.
-pub fn held_out(scene: &gs_datasets::Scene) -> &[gs_datasets::View] {
+pub fn held_out(scene: &Scene) -> &[gs_datasets::View] {
     scene.reported().map_or(&[], |split| &split.views)
+}
+
+/// Options with which all views train.
+pub fn all() -> LoadOptions {
+    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
+}
+
+/// Loading said something that holds all of `parts`, in one sentence.
+#[track_caller]
+pub fn warned(warnings: &[String], parts: &[&str]) {
+    let says = |text: &String| parts.iter().all(|part| text.contains(part));
+    assert!(warnings.iter().any(says), "{parts:?}: {warnings:?}");
 }

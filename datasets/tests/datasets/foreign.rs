@@ -1,22 +1,9 @@
 //! Photos in other containers, videos, and photos without poses: a sentence that says what to do.
 
-use gs_datasets::{Holdout, LoadOptions, check, load};
+use gs_datasets::load;
 use serde_json::json;
 
-use crate::fixtures::{Folder, ring_scene};
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
-
-fn assert_said(folder: &Folder, parts: &[&str]) {
-    let error = load(folder.path(), &options()).expect_err("refused").to_string();
-    let report = check(folder.path(), &options());
-    assert!(!report.is_ok(), "{report}");
-    for text in [&error, &report.to_string()] {
-        assert!(parts.iter().all(|part| text.contains(part)), "{parts:?}: {text}");
-    }
-}
+use crate::fixtures::{Folder, all, ring_scene};
 
 /// First bytes of files in other containers.
 const FOREIGN: [(&str, &str, &[u8]); 5] = [
@@ -43,7 +30,7 @@ fn a_photo_in_another_container_says_how_to_convert_it() {
             folder.write(&file, bytes);
             top["frames"][1]["file_path"] = json!(file);
             folder.write_json("transforms.json", &top);
-            assert_said(&folder, &[&file, name, "convert", "PNG or JPEG"]);
+            folder.refused_by_both(&all(), &[&file, name, "convert", "PNG or JPEG"]);
         }
     }
     for (extension, bytes) in VIDEOS {
@@ -52,7 +39,7 @@ fn a_photo_in_another_container_says_how_to_convert_it() {
         folder.write(&file, bytes);
         top["frames"][1]["file_path"] = json!(file);
         folder.write_json("transforms.json", &top);
-        assert_said(&folder, &[&file, "a video", "ffmpeg"]);
+        folder.refused_by_both(&all(), &[&file, "a video", "ffmpeg"]);
     }
 }
 
@@ -61,26 +48,26 @@ fn photos_without_poses_say_which_tool_makes_them() {
     for below in ["", "images/", "left/"] {
         let folder = Folder::new();
         folder.photo(&format!("{below}a.png"), 8, 6);
-        assert_said(&folder, &["1 photo ", "no camera poses", "COLMAP"]);
+        folder.refused_by_both(&all(), &["1 photo ", "no camera poses", "COLMAP"]);
         folder.photo(&format!("{below}b.JPG"), 8, 6);
-        assert_said(&folder, &["2 photos ", "no camera poses", "COLMAP"]);
+        folder.refused_by_both(&all(), &["2 photos ", "no camera poses", "COLMAP"]);
     }
     for (extension, _, bytes) in FOREIGN {
         let folder = Folder::new();
         folder.write(&format!("a.{extension}"), bytes);
         folder.write(&format!("b.{}", extension.to_uppercase()), bytes);
-        assert_said(&folder, &["2 photos", "convert", "PNG or JPEG", "COLMAP"]);
+        folder.refused_by_both(&all(), &["2 photos", "convert", "PNG or JPEG", "COLMAP"]);
     }
     for (extension, bytes) in VIDEOS {
         let folder = Folder::new();
         folder.write(&format!("clip.{extension}"), bytes);
-        assert_said(&folder, &["1 video ", "ffmpeg", "COLMAP"]);
-        let error = load(&folder.file(&format!("clip.{extension}")), &options()).expect_err("a video").to_string();
+        folder.refused_by_both(&all(), &["1 video ", "ffmpeg", "COLMAP"]);
+        let error = load(&folder.file(&format!("clip.{extension}")), &all()).expect_err("a video").to_string();
         assert!(error.contains("a video") && error.contains("ffmpeg"), "{error}");
     }
     let folder = Folder::new();
     folder.photo("a.png", 8, 6);
-    let error = load(&folder.file("a.png"), &options()).expect_err("one photo").to_string();
+    let error = load(&folder.file("a.png"), &all()).expect_err("one photo").to_string();
     assert!(error.contains("a single photo") && error.contains("folder"), "{error}");
 }
 
@@ -90,5 +77,5 @@ fn cameras_with_videos_are_told_the_command() {
     let row: Vec<u8> = [0.0; 17].iter().flat_map(|value: &f64| value.to_le_bytes()).collect();
     folder.write("poses_bounds.npy", crate::fixtures::npy(1, "<f8", false, "(1, 17)", &row));
     folder.write("cam00.mp4", VIDEOS[0].1);
-    assert_said(&folder, &["videos", "ffmpeg", "cam00/%04d.png"]);
+    folder.refused_by_both(&all(), &["videos", "ffmpeg", "cam00/%04d.png"]);
 }

@@ -7,18 +7,14 @@ use std::path::Path;
 use std::process::Command;
 
 use gs_base::guarded;
-use gs_datasets::{Holdout, LoadOptions, check, load, load_cameras};
+use gs_datasets::{check, load_cameras};
 use serde_json::json;
 
 use crate::colmap;
-use crate::fixtures::{Folder, npy_f32, rig, ring_scene};
+use crate::fixtures::{Folder, all, cloud, npy_f32, rig, ring_scene, warned};
 
 /// An entry that may lie where a file should be, and how the sentence calls it.
 const IMPOSTORS: [(&str, &str); 3] = [("/dev/zero", "a device"), ("pipe", "a pipe"), ("folder", "a folder")];
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
 
 /// Puts an impostor in the place of a file. A pipe has no writer: whoever opens it waits for ever.
 fn replace(path: &Path, impostor: &str) {
@@ -33,14 +29,6 @@ fn replace(path: &Path, impostor: &str) {
     }
 }
 
-/// Loading and checking both refuse the data set, with a sentence that holds all of `parts`.
-fn assert_refused(folder: &Folder, parts: &[&str]) {
-    let error = load(folder.path(), &options()).expect_err("refused").to_string();
-    let report = check(folder.path(), &options());
-    assert!(parts.iter().all(|part| error.contains(part)), "{parts:?}: {error}");
-    assert!(!report.is_ok() && parts.iter().all(|part| report.to_string().contains(part)), "{parts:?}: {report}");
-}
-
 #[test]
 fn a_description_that_is_no_file_is_named() {
     for (impostor, found) in IMPOSTORS {
@@ -48,20 +36,15 @@ fn a_description_that_is_no_file_is_named() {
             let folder = Folder::new();
             folder.photo("images/0.png", 8, 6);
             replace(&folder.file(name), impostor);
-            assert_refused(&folder, &[name, found]);
+            folder.refused_by_both(&all(), &[name, found]);
         }
-        for stem in ["cameras", "images", "points3D"] {
-            for is_binary in [true, false] {
+        for stem in colmap::STEMS {
+            for (write, ending) in colmap::ENCODINGS {
                 let folder = Folder::new();
-                let model = colmap::example(&folder);
-                if is_binary {
-                    model.write_binary(&folder, "sparse/0")
-                } else {
-                    model.write_text(&folder, "sparse/0")
-                }
-                let name = format!("sparse/0/{stem}.{}", if is_binary { "bin" } else { "txt" });
+                write(&colmap::example(&folder), &folder, "sparse/0");
+                let name = format!("sparse/0/{stem}.{ending}");
                 replace(&folder.file(&name), impostor);
-                assert_refused(&folder, &[&name, found]);
+                folder.refused_by_both(&all(), &[&name, found]);
             }
         }
         let folder = Folder::new();
@@ -78,18 +61,18 @@ fn a_file_that_a_description_names_is_refused_where_it_is_none() {
         top["ply_file_path"] = json!("points.ply");
         folder.write_json("transforms.json", &top);
         replace(&folder.file("points.ply"), impostor);
-        assert_refused(&folder, &["points.ply", found]);
+        folder.refused_by_both(&all(), &["points.ply", found]);
 
         let (folder, mut top) = ring_scene(3);
         folder.write_json("transforms.json", &top);
         replace(&folder.file("images/01.png"), impostor);
-        assert_refused(&folder, &["images/01.png", found]);
+        folder.refused_by_both(&all(), &["images/01.png", found]);
 
         let (folder, _) = ring_scene(3);
         top["frames"][1]["mask_path"] = json!("masks/01.png");
         folder.write_json("transforms.json", &top);
         replace(&folder.file("masks/01.png"), impostor);
-        assert_refused(&folder, &["masks/01.png", found]);
+        folder.refused_by_both(&all(), &["masks/01.png", found]);
     }
 }
 
@@ -105,10 +88,10 @@ fn a_prior_that_is_no_file_is_left_out() {
                 top["frames"][0][key] = json!(format!("prior.{extension}"));
                 folder.write_json("transforms.json", &top);
                 replace(&folder.file(&format!("prior.{extension}")), impostor);
-                let scene = load(folder.path(), &options()).expect("loads");
+                let scene = folder.load(&all());
                 let said = |warnings: &[String]| warnings.iter().any(|w| w.contains("prior.") && w.contains(found));
                 assert!(said(&scene.warnings), "{key} {extension} {impostor}: {:?}", scene.warnings);
-                let report = check(folder.path(), &options());
+                let report = check(folder.path(), &all());
                 assert!(report.is_ok() && said(&report.warnings), "{key} {extension} {impostor}: {report}");
             }
         }
@@ -125,33 +108,27 @@ fn a_file_of_absurd_size_is_refused_before_it_is_read() {
     };
     for name in ["transforms.json", "points.ply", "images/01.png", "masks/01.png"] {
         let (folder, mut top) = ring_scene(3);
-        let properties = "property float x\nproperty float y\nproperty float z\n";
-        folder.write("points.ply", format!("ply\nformat ascii 1.0\nelement vertex 0\n{properties}end_header\n"));
+        folder.write("points.ply", cloud("float", &[]));
         folder.grey("masks/01.png", 32, 24, |_, _| 255);
         top["ply_file_path"] = json!("points.ply");
         top["frames"][1]["mask_path"] = json!("masks/01.png");
         folder.write_json("transforms.json", &top);
         stretched(&folder, name);
-        assert_refused(&folder, &[name, "at most", "1.0 TiB"]);
+        folder.refused_by_both(&all(), &[name, "at most", "1.0 TiB"]);
     }
-    for name in ["cameras", "images", "points3D"] {
-        for is_binary in [true, false] {
+    for stem in colmap::STEMS {
+        for (write, ending) in colmap::ENCODINGS {
             let folder = Folder::new();
-            let model = colmap::example(&folder);
-            if is_binary {
-                model.write_binary(&folder, "sparse/0")
-            } else {
-                model.write_text(&folder, "sparse/0")
-            }
-            let name = format!("sparse/0/{name}.{}", if is_binary { "bin" } else { "txt" });
+            write(&colmap::example(&folder), &folder, "sparse/0");
+            let name = format!("sparse/0/{stem}.{ending}");
             stretched(&folder, &name);
-            assert_refused(&folder, &[&name, "at most", "1.0 TiB"]);
+            folder.refused_by_both(&all(), &[&name, "at most", "1.0 TiB"]);
         }
     }
     let folder = Folder::new();
     folder.write("poses_bounds.npy", npy_f32("(1, 17)", &[0.0; 17]));
     stretched(&folder, "poses_bounds.npy");
-    assert_refused(&folder, &["poses_bounds.npy", "at most", "1.0 TiB"]);
+    folder.refused_by_both(&all(), &["poses_bounds.npy", "at most", "1.0 TiB"]);
 }
 
 #[test]
@@ -185,6 +162,6 @@ fn an_array_has_few_axes() {
     let shape = format!("({}48)", "1, ".repeat(100));
     let values: Vec<u8> = (0..48).flat_map(|i| (i as f32).to_le_bytes()).collect();
     folder.write("prior.npy", crate::fixtures::npy(1, "<f4", true, &shape, &values));
-    let scene = load(folder.path(), &options()).expect("loads");
-    assert!(scene.warnings.iter().any(|warning| warning.contains("at most 64 axes")), "{:?}", scene.warnings);
+    let scene = folder.load(&all());
+    warned(&scene.warnings, &["at most 64 axes"]);
 }

@@ -106,7 +106,7 @@ fn a_jpeg_cut_short_is_named() {
     photo.save(folder.file("images/01.jpg")).expect("written");
     top["frames"][1]["file_path"] = json!("images/01.jpg");
     folder.write_json("transforms.json", &top);
-    load(folder.path(), &LoadOptions::default()).expect("a whole photo");
+    folder.load(&LoadOptions::default());
     let whole = std::fs::read(folder.file("images/01.jpg")).expect("read");
     for length in [20, whole.len() / 2, whole.len() - 2] {
         folder.write("images/01.jpg", &whole[..length]);
@@ -137,7 +137,7 @@ fn intrinsics_of_no_camera_are_refused_and_those_of_another_size_said() {
     top["cx"] = json!(32.0);
     folder.write_json("transforms.json", &top);
     let said = |warnings: &[String]| warnings.iter().any(|text| text.contains("(cx, cy) of 3 views"));
-    assert!(said(&load(folder.path(), &LoadOptions::default()).expect("loads").warnings));
+    assert!(said(&folder.load(&LoadOptions::default()).warnings));
     assert!(said(&check(folder.path(), &LoadOptions::default()).warnings));
 }
 
@@ -145,28 +145,23 @@ fn intrinsics_of_no_camera_are_refused_and_those_of_another_size_said() {
 fn options_without_meaning_are_refused() {
     let (folder, top) = ring_scene(3);
     folder.write_json("transforms.json", &top);
-    let zero = LoadOptions { max_width: Some(0), ..LoadOptions::default() };
-    assert!(load(folder.path(), &zero).expect_err("0 pixels").to_string().contains("max_width"));
-    let dark = LoadOptions { background: [f32::NAN; 3], ..LoadOptions::default() };
-    assert!(load(folder.path(), &dark).expect_err("NaN").to_string().contains("background"));
+    folder.refused(&LoadOptions { max_width: Some(0), ..LoadOptions::default() }, &["max_width"]);
+    folder.refused(&LoadOptions { background: [f32::NAN; 3], ..LoadOptions::default() }, &["background"]);
 }
 
 #[test]
 fn a_binary_model_cut_anywhere_names_the_file() {
     let folder = Folder::new();
-    let whole = colmap::example(&folder).binary();
-    let files = ["cameras.bin", "images.bin", "points3D.bin"];
-    for (i, file) in files.iter().enumerate() {
-        for (bytes, other) in whole.iter().zip(files) {
-            folder.write(&format!("sparse/0/{other}"), bytes);
-        }
-        for length in 0..whole[i].len() {
-            folder.write(&format!("sparse/0/{file}"), &whole[i][..length]);
+    let model = colmap::example(&folder);
+    for (whole, stem) in model.binary().iter().zip(colmap::STEMS) {
+        model.write_binary(&folder, "sparse/0");
+        let file = &format!("sparse/0/{stem}.bin");
+        for length in 0..whole.len() {
+            folder.write(file, &whole[..length]);
             let error = error_of(&folder);
             assert!(error.contains(file) && error.contains("byte "), "{error}");
         }
-        let longer: Vec<u8> = whole[i].iter().copied().chain([0]).collect();
-        folder.write(&format!("sparse/0/{file}"), longer);
+        folder.write(file, [&whole[..], &[0]].concat());
         assert!(error_of(&folder).contains("1 more byte"));
     }
 }
@@ -174,15 +169,13 @@ fn a_binary_model_cut_anywhere_names_the_file() {
 #[test]
 fn binary_counts_are_bounded_by_the_file() {
     let folder = Folder::new();
-    let whole = colmap::example(&folder).binary();
-    for (i, file) in ["cameras.bin", "images.bin", "points3D.bin"].into_iter().enumerate() {
-        for (bytes, other) in whole.iter().zip(["cameras.bin", "images.bin", "points3D.bin"]) {
-            folder.write(&format!("sparse/0/{other}"), bytes);
-        }
+    let model = colmap::example(&folder);
+    let whole = model.binary();
+    for (whole, stem) in whole.iter().zip(colmap::STEMS) {
+        model.write_binary(&folder, "sparse/0");
+        let file = &format!("sparse/0/{stem}.bin");
         for count in [u64::MAX, u64::MAX / 48, 1 << 40] {
-            let mut bytes = whole[i].clone();
-            bytes[..8].copy_from_slice(&count.to_le_bytes());
-            folder.write(&format!("sparse/0/{file}"), bytes);
+            folder.write(file, [&count.to_le_bytes(), &whole[8..]].concat());
             assert!(error_of(&folder).contains(file));
         }
     }
@@ -225,7 +218,7 @@ proptest! {
         } else {
             std::fs::remove_file(folder.file("transforms.json")).expect("removed");
             colmap::example(&folder).write_binary(&folder, "sparse/0");
-            folder.write(&format!("sparse/0/{}.bin", ["cameras", "images", "points3D"][which - 3]), bytes);
+            folder.write(&format!("sparse/0/{}.bin", colmap::STEMS[which - 3]), bytes);
         }
         read_all(&folder);
     }
@@ -237,23 +230,17 @@ proptest! {
         value in any::<u8>(),
         cut in any::<bool>(),
     ) {
-        let folder = Folder::new();
+        let (folder, top) = ring_scene(2);
+        folder.write_json("transforms.json", &top);
         let file = if which == 0 {
-            let (_, top) = ring_scene(2);
-            folder.photo("images/00.png", 32, 24);
-            folder.photo("images/01.png", 32, 24);
-            folder.write_json("transforms.json", &top);
             "transforms.json".to_string()
         } else if which == 7 {
-            let (_, top) = ring_scene(2);
-            folder.photo("images/00.png", 32, 24);
-            folder.write_json("transforms.json", &top);
             "images/00.png".to_string()
         } else {
-            let model = colmap::example(&folder);
-            let stem = ["cameras", "images", "points3D"][(which - 1) % 3];
-            if which < 4 { model.write_binary(&folder, "sparse/0") } else { model.write_text(&folder, "sparse/0") }
-            format!("sparse/0/{stem}.{}", if which < 4 { "bin" } else { "txt" })
+            std::fs::remove_file(folder.file("transforms.json")).expect("removed");
+            let (write, ending) = colmap::ENCODINGS[(which - 1) / 3];
+            write(&colmap::example(&folder), &folder, "sparse/0");
+            format!("sparse/0/{}.{ending}", colmap::STEMS[(which - 1) % 3])
         };
         let mut bytes = std::fs::read(folder.file(&file)).expect("read");
         let at = at.index(bytes.len());

@@ -1,16 +1,12 @@
 //! Panoptic sets and LLFF poses: the same cameras as in transforms.json, whatever the layout.
 
-use gs_datasets::{Holdout, LoadOptions, MaskUse, SceneFormat, View, check, load};
+use gs_datasets::{LoadOptions, MaskUse, SceneFormat, View, check, load};
 use serde_json::{Value, json};
 
-use crate::fixtures::{Folder, held_out, npy, rig, ring};
+use crate::fixtures::{Folder, all, held_out, npy, rig, ring};
 
 const CAMERAS: usize = 3;
 const TIMES: usize = 4;
-
-fn all() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
 
 /// The rig as transforms.json describes it, one focal length in pixels.
 fn reference() -> Vec<View> {
@@ -18,7 +14,7 @@ fn reference() -> Vec<View> {
     let mut top = rig(&folder, "train", 0, CAMERAS, TIMES);
     top["fl_x"] = json!(9.5);
     folder.write_json("transforms.json", &top);
-    load(folder.path(), &all()).expect("loaded").train
+    folder.load(&all()).train
 }
 
 /// Entry of a camera's OpenGL matrix.
@@ -81,7 +77,7 @@ fn panoptic_cameras_masks_and_split() {
     let folder = Folder::new();
     write_meta(&folder, "train_meta.json", 0..2, TIMES);
     write_meta(&folder, "test_meta.json", 2..3, TIMES);
-    let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
+    let scene = folder.load(&LoadOptions::default());
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     assert_eq!((scene.format, scene.train.len(), held_out(&scene).len()), (SceneFormat::Panoptic, 8, 4));
     let first = &scene.train[0];
@@ -108,13 +104,13 @@ fn transforms_beside_a_panoptic_set_know_what_its_masks_mean() {
         top["frames"][t]["mask_path"] = json!(format!("seg/0/{t:06}.png"));
     }
     folder.write_json("transforms_train.json", &top);
-    let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
+    let scene = folder.load(&LoadOptions::default());
     assert_eq!(scene.format, SceneFormat::Transforms);
     assert!(scene.train.iter().all(|view| view.priors.moving.is_some() && view.mask.is_none()));
     // Stated, it means what is stated.
     top["mask_meaning"] = json!("keep");
     folder.write_json("transforms_train.json", &top);
-    let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
+    let scene = folder.load(&LoadOptions::default());
     assert!(scene.train.iter().all(|view| view.priors.moving.is_none() && view.mask.is_some()));
 }
 
@@ -135,9 +131,7 @@ fn panoptic_descriptions_that_are_wrong_name_the_place() {
         let mut meta = write_meta(&folder, "train_meta.json", 0..2, 2);
         meta[key] = value;
         folder.write_json("train_meta.json", &meta);
-        let error = load(folder.path(), &LoadOptions::default()).expect_err("wrong").to_string();
-        assert!(error.contains("train_meta.json") && error.contains(part), "{key}: {error}");
-        assert!(!check(folder.path(), &LoadOptions::default()).is_ok(), "{key}");
+        folder.refused_by_both(&LoadOptions::default(), &["train_meta.json", part]);
     }
 }
 
@@ -167,7 +161,7 @@ fn llff_poses_with_frames_of_cameras() {
             folder.grey(&format!("masks/cam{:02}/{}.png", [0, 1, 10][c], 7 + t), 8, 6, |x, _| u8::from(x == c));
         }
     }
-    let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
+    let scene = folder.load(&LoadOptions::default());
     assert_eq!((scene.format, scene.train.len(), held_out(&scene).len()), (SceneFormat::Llff, 8, 4));
     assert!(held_out(&scene).iter().all(|view| view.camera_id.as_deref() == Some("cam00")));
     let mut both: Vec<View> = scene.held_out_views().chain(&scene.train).cloned().collect();
@@ -175,23 +169,20 @@ fn llff_poses_with_frames_of_cameras() {
     assert_same_cameras(&both, 1e-9);
     assert!(both[0].priors.moving.is_some());
     std::fs::remove_dir_all(folder.file("cam10")).expect("removed");
-    let error = load(folder.path(), &LoadOptions::default()).expect_err("a camera less").to_string();
-    assert!(error.contains("3 poses") && error.contains("2 folders"), "{error}");
+    folder.refused(&LoadOptions::default(), &["3 poses", "2 folders"]);
 }
 
 #[test]
 fn llff_poses_with_photos_or_videos_or_rubbish() {
     let folder = Folder::new();
     folder.write("poses_bounds.npy", poses(2));
-    let error = load(folder.path(), &all()).expect_err("no photos").to_string();
-    assert!(error.contains("0 images"), "{error}");
+    folder.refused(&all(), &["0 images"]);
     folder.photo("images/a.png", 8, 6);
     folder.photo("images/b.png", 8, 6);
-    let scene = load(folder.path(), &all()).expect("loaded");
+    let scene = folder.load(&all());
     assert_eq!((scene.format, scene.train.len(), scene.time_range), (SceneFormat::Llff, 2, None));
     folder.write("cam00.mp4", "a film");
-    let error = load(folder.path(), &all()).expect_err("a film").to_string();
-    assert!(error.contains("videos"), "{error}");
+    folder.refused(&all(), &["videos"]);
     std::fs::remove_file(folder.file("cam00.mp4")).expect("removed");
     let mut nan = poses(2);
     let end = nan.len();
@@ -200,8 +191,7 @@ fn llff_poses_with_photos_or_videos_or_rubbish() {
         [b"".to_vec(), b"\x93NUMPY".to_vec(), npy(1, "<f8", false, "(17,)", &[0; 136]), nan, poses(2)[..200].to_vec()]
     {
         folder.write("poses_bounds.npy", bytes);
-        let error = load(folder.path(), &all()).expect_err("rubbish").to_string();
-        assert!(error.contains("poses_bounds.npy"), "{error}");
+        folder.refused(&all(), &["poses_bounds.npy"]);
         assert!(!check(folder.path(), &all()).is_ok());
     }
 }

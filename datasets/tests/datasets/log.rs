@@ -123,7 +123,7 @@ fn warnings_of_the_description_are_kept() {
     top["frames"][8]["file_path"] = json!("images/nowhere.png");
     folder.write_json("transforms.json", &top);
     let log = Log::open(folder.path(), &LoadOptions::default()).expect("opened");
-    assert_eq!(log.warnings(), load(folder.path(), &LoadOptions::default()).expect("loaded").warnings);
+    assert_eq!(log.warnings(), folder.load(&LoadOptions::default()).warnings);
     assert!(log.warnings()[0].contains("nowhere"), "{:?}", log.warnings());
     assert!(Log::open(&folder.file("nowhere"), &LoadOptions::default()).is_err());
 }

@@ -1,13 +1,13 @@
 //! Which pixels count, by each convention.
 
-use gs_datasets::{Holdout, LoadOptions, MaskUse, load};
+use gs_datasets::{Holdout, LoadOptions, MaskUse};
 use serde_json::json;
 
-use crate::fixtures::{Folder, ring_scene};
+use crate::fixtures::{Folder, all, ring_scene, warned};
 
 fn mask_of(folder: &Folder, masks: MaskUse, max_width: Option<usize>) -> (Option<Vec<u8>>, Vec<String>) {
     let options = LoadOptions { holdout: Holdout::None, masks, max_width, ..LoadOptions::default() };
-    let mut scene = load(folder.path(), &options).expect("loaded");
+    let mut scene = folder.load(&options);
     (scene.train.remove(0).mask, scene.warnings)
 }
 
@@ -41,8 +41,7 @@ fn masks_that_are_all_missing_are_an_error() {
     let (folder, mut top) = masked();
     top["frames"][0]["mask_path"] = json!("masks/none.png");
     folder.write_json("transforms.json", &top);
-    let error = load(folder.path(), &LoadOptions::default()).expect_err("no mask").to_string();
-    assert!(error.contains("mask_path") && error.contains("masks/none.png"), "{error}");
+    folder.refused(&LoadOptions::default(), &["mask_path", "masks/none.png"]);
     assert_eq!(mask_of(&folder, MaskUse::Ignore, None).0, None);
 }
 
@@ -64,9 +63,7 @@ fn masks_of_another_size_are_scaled_and_of_other_proportions_refused() {
     let mask = mask_of(&folder, MaskUse::Auto, None).0.expect("a mask");
     assert_eq!((mask[7], mask[8]), (0, 255), "any pixel that is not black counts");
     folder.grey("masks/00.png", 16, 24, |_, _| 0);
-    let error =
-        load(folder.path(), &LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }).expect_err("size");
-    assert!(error.to_string().contains("16 x 24") && error.to_string().contains("32 x 24"), "{error}");
+    folder.refused(&all(), &["16 x 24", "32 x 24"]);
 }
 
 #[test]
@@ -92,5 +89,5 @@ fn a_view_without_a_pixel_that_counts_is_reported() {
     let (folder, _) = masked();
     folder.grey("masks/00.png", 32, 24, |_, _| 0);
     let (_, warnings) = mask_of(&folder, MaskUse::Auto, None);
-    assert!(warnings.iter().any(|text| text.contains("no pixel counts in 1 view,")), "{warnings:?}");
+    warned(&warnings, &["no pixel counts in 1 view,"]);
 }

@@ -1,32 +1,26 @@
 //! Data read as the user says that they are meant: pose conventions, units of points, levels of deep photos; outliers
 //! that set no scale.
 
-use gs_datasets::{Holdout, LoadOptions, PoseConvention, check, load};
+use gs_datasets::{LoadOptions, PoseConvention, check, load};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::json;
 
-use crate::fixtures::{Folder, ring, ring_scene, rows};
-
-fn all() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
+use crate::fixtures::{Folder, all, cloud, move_camera, ring, ring_scene, rows};
 
 #[test]
 fn poses_of_any_convention_are_read_as_one() {
     let (folder, mut top) = ring_scene(6);
-    folder.write_json("transforms.json", &top);
-    let usual = load(folder.path(), &all()).expect("loaded");
+    let usual = folder.scene(&top, &all());
     for text in ["c2w-opencv", "w2c-opencv", "w2c-opengl", "c2w-down-right-back", "w2c-left-up-forward"] {
         let convention: PoseConvention = text.parse().expect("a convention");
         for (frame, view) in top["frames"].as_array_mut().expect("frames").iter_mut().zip(&usual.train) {
             frame["transform_matrix"] = rows(convention.to_file(view.c2w));
         }
-        folder.write_json("transforms.json", &top);
-        let scene = load(folder.path(), &LoadOptions { poses: Some(convention), ..all() }).expect("loaded");
+        let scene = folder.scene(&top, &LoadOptions { poses: Some(convention), ..all() });
         for (view, usual) in scene.train.iter().zip(&usual.train) {
             assert!(view.c2w.abs_diff_eq(usual.c2w, 1e-12), "{text}: {} for {}", view.c2w, usual.c2w);
         }
-        let other = load(folder.path(), &all()).expect("loaded");
+        let other = folder.load(&all());
         assert!(!other.train[0].c2w.abs_diff_eq(usual.train[0].c2w, 0.1), "{text} makes a difference");
     }
 }
@@ -35,23 +29,17 @@ fn poses_of_any_convention_are_read_as_one() {
 fn points_are_scaled() {
     let (folder, mut top) = ring_scene(4);
     top["ply_file_path"] = json!("points.ply");
-    folder.write(
-        "points.ply",
-        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty \
-        float z\nend_header\n1000 -2000 3000\n",
-    );
-    folder.write_json("transforms.json", &top);
-    let scene = load(folder.path(), &LoadOptions { points_scale: 0.001, ..all() }).expect("loaded");
+    folder.write("points.ply", cloud("float", &[[1000.0, -2000.0, 3000.0]]));
+    let scene = folder.scene(&top, &LoadOptions { points_scale: 0.001, ..all() });
     let points = scene.points.expect("a point").positions;
     assert!(
         points[0].iter().zip([1.0, -2.0, 3.0]).all(|(found, expected)| (found - expected).abs() < 1e-6),
         "{points:?}"
     );
-    let far = load(folder.path(), &LoadOptions { points_scale: 1e300, ..all() }).expect("loaded");
+    let far = folder.load(&LoadOptions { points_scale: 1e300, ..all() });
     assert!(far.points.expect("a cloud").positions.is_empty(), "no 32-bit number holds them");
     for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let error = load(folder.path(), &LoadOptions { points_scale: wrong, ..all() }).expect_err("refused");
-        assert!(error.to_string().contains("points_scale"), "{error}");
+        folder.refused(&LoadOptions { points_scale: wrong, ..all() }, &["points_scale"]);
     }
 }
 
@@ -78,7 +66,7 @@ fn levels_of(scene: &gs_datasets::Scene) -> usize {
 #[test]
 fn deep_photos_of_few_levels_are_told_and_stretched() {
     let folder = thermal();
-    let scene = load(folder.path(), &all()).expect("loaded");
+    let scene = folder.load(&all());
     assert!(levels_of(&scene) <= 3, "{}", levels_of(&scene));
     let told = |warnings: &[String]| {
         let key = "data.levels=[0.04425, 0.05036]";
@@ -89,7 +77,7 @@ fn deep_photos_of_few_levels_are_told_and_stretched() {
     told(&scene.warnings);
     told(&check(folder.path(), &all()).warnings);
     let stretched = LoadOptions { levels: Some([0.0442, 0.0504]), ..all() };
-    let scene = load(folder.path(), &stretched).expect("loaded");
+    let scene = folder.load(&stretched);
     assert!(scene.warnings.is_empty() && levels_of(&scene) > 240, "{} levels, {:?}", levels_of(&scene), scene.warnings);
     // Level 3000 of 65535 lies 0.0016 into a range of 0.0062.
     let expected = 255.0 * (3000.0 / 65535.0 - 0.0442) / 0.0062;
@@ -103,15 +91,10 @@ fn deep_photos_of_few_levels_are_told_and_stretched() {
 #[test]
 fn a_stray_camera_sets_no_scale() {
     let (folder, mut top) = ring_scene(12);
-    folder.write_json("transforms.json", &top);
-    let usual = load(folder.path(), &all()).expect("loaded");
+    let usual = folder.scene(&top, &all());
     top["frames"][4]["transform_matrix"] = ring(4);
-    for row in 0..3 {
-        let value = top["frames"][4]["transform_matrix"][row][3].as_f64().expect("a number");
-        top["frames"][4]["transform_matrix"][row][3] = json!(100.0 * value);
-    }
-    folder.write_json("transforms.json", &top);
-    let scene = load(folder.path(), &all()).expect("loaded");
+    move_camera(&mut top["frames"][4], 100.0, [0.0; 3]);
+    let scene = folder.scene(&top, &all());
     assert!((scene.extent() / usual.extent() - 1.0).abs() < 0.15, "{} for {}", scene.extent(), usual.extent());
     let (distance, known) = (scene.subject_distance().expect("one"), usual.subject_distance().expect("one"));
     assert!((distance / known - 1.0).abs() < 0.05, "{distance} for {known}");
@@ -130,13 +113,10 @@ fn only_a_scene_far_away_for_its_size_is_moved() {
     let moved = |scale: f64, by: [f64; 3]| {
         let (folder, mut top) = ring_scene(6);
         for frame in top["frames"].as_array_mut().expect("frames") {
-            for row in 0..3 {
-                let value = frame["transform_matrix"][row][3].as_f64().expect("a number");
-                frame["transform_matrix"][row][3] = json!(scale * value + by[row]);
-            }
+            move_camera(frame, scale, by);
         }
         folder.write_json("transforms.json", &top);
-        load(folder.path(), &all()).expect("loaded").origin
+        folder.load(&all()).origin
     };
     assert_eq!(moved(1000.0, [0.0, 0.0, 2500.0]), glam::DVec3::ZERO);
     let origin = moved(1.0, [450_123.4, 5_200_456.7, 315.2]);
@@ -149,8 +129,7 @@ fn one_photo_written_in_two_ways_serves_one_view() {
     let (folder, mut top) = ring_scene(4);
     top["frames"][2]["file_path"] = json!("./images/../images/01.png");
     folder.write_json("transforms.json", &top);
-    let error = load(folder.path(), &all()).expect_err("two poses of one photo").to_string();
-    assert!(error.contains("1 view whose photo has another pose already"), "{error}");
+    folder.refused(&all(), &["1 view whose photo has another pose already"]);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Sets in the manner of NVFi: training up to time 0.75, held-out cameras, and a future of all cameras.
 
-use gs_datasets::{LoadOptions, Scene, SparseViews, Split, View, load};
+use gs_datasets::{LoadOptions, Scene, SparseViews, Split, View};
 use serde_json::{Map, Value, json};
 
 use crate::fixtures::{Folder, ring};
@@ -77,9 +77,9 @@ fn both_shapes_give_training_validation_and_future() {
     };
     for nested in [false, true] {
         let folder = written(nested);
-        check(&load(folder.path(), &LoadOptions::default()).expect("loaded"));
+        check(&folder.load(&LoadOptions::default()));
         let half = LoadOptions { max_width: Some(8), background: [1.0; 3], ..LoadOptions::default() };
-        let scene = load(folder.path(), &half).expect("loaded");
+        let scene = folder.load(&half);
         check(&scene);
         // Half the size, on white: four columns of the photo, four of the background.
         let view = &scene.train[0];
@@ -95,7 +95,7 @@ fn both_shapes_give_the_protocol_of_few_views() {
     for nested in [false, true] {
         let folder = written(nested);
         let sparse = Some(SparseViews { train: 3, validation: 2, seen: 0.75 });
-        let scene = load(folder.path(), &LoadOptions { sparse, ..LoadOptions::default() }).expect("loaded");
+        let scene = folder.load(&LoadOptions { sparse, ..LoadOptions::default() });
         let split = |name: &str| scene.split(name).expect("a split");
         assert_eq!((scene.train.len(), cameras(&scene.train), times(&scene.train).1), (3 * 10, 3, Some(0.75)));
         let (validation, test, seen) = (split(Split::VALIDATION), split(Split::TEST), split(Split::TEST_SEEN));

@@ -1,18 +1,14 @@
 //! Names that a terminal, a file system or a string cannot hold.
 
 use gs_base::printable;
-use gs_datasets::{Holdout, LoadOptions, check, load, load_cameras};
+use gs_datasets::{check, load, load_cameras};
 use serde_json::json;
 
 use crate::colmap;
-use crate::fixtures::{Folder, rig, ring, ring_scene};
+use crate::fixtures::{Folder, all, rig, ring, ring_scene};
 
 /// A title for the terminal's window, a line of its own, and a name that reads backwards.
 const EVIL: &str = "a\u{1b}]0;owned\u{7}b\nc\u{202e}gnp\u{85}";
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
 
 fn is_clean(text: &str) -> bool {
     !text.chars().any(|c| c.is_control() || ('\u{202a}'..='\u{202e}').contains(&c))
@@ -20,20 +16,20 @@ fn is_clean(text: &str) -> bool {
 
 /// Everything that `load` and `check` say, and the names that files get.
 fn said(folder: &Folder) -> Vec<String> {
-    let mut all = Vec::new();
-    match load(folder.path(), &options()) {
+    let mut said = Vec::new();
+    match load(folder.path(), &all()) {
         Ok(scene) => {
-            all.extend(scene.warnings.clone());
-            all.extend(scene.train.iter().map(|view| view.name.clone()));
-            all.extend(scene.train.iter().filter_map(|view| view.camera_id.clone()));
-            all.extend(scene.held_out.iter().map(|split| split.name.clone()));
+            said.extend(scene.warnings.clone());
+            said.extend(scene.train.iter().map(|view| view.name.clone()));
+            said.extend(scene.train.iter().filter_map(|view| view.camera_id.clone()));
+            said.extend(scene.held_out.iter().map(|split| split.name.clone()));
         }
-        Err(error) => all.push(error.to_string()),
+        Err(error) => said.push(error.to_string()),
     }
-    let report = check(folder.path(), &options());
-    all.extend(report.to_string().lines().map(str::to_string));
-    all.extend([report.facts, report.warnings, report.errors].concat());
-    all
+    let report = check(folder.path(), &all());
+    said.extend(report.to_string().lines().map(str::to_string));
+    said.extend([report.facts, report.warnings, report.errors].concat());
+    said
 }
 
 fn assert_clean(what: &str, folder: &Folder) {
@@ -94,15 +90,11 @@ fn control_characters_of_names_reach_no_message() {
         folder.write("points.ply", text);
         assert_clean("ply", &folder);
     }
-    for is_binary in [true, false] {
+    for (write, _) in colmap::ENCODINGS {
         let folder = Folder::new();
         let mut model = colmap::example(&folder);
         model.images[1].name = EVIL.replace('\n', "");
-        if is_binary {
-            model.write_binary(&folder, "sparse/0")
-        } else {
-            model.write_text(&folder, "sparse/0")
-        }
+        write(&model, &folder, "sparse/0");
         assert_clean("colmap", &folder);
     }
     let folder = Folder::new();
@@ -111,9 +103,9 @@ fn control_characters_of_names_reach_no_message() {
     let folder = Folder::new();
     let inner = format!("{EVIL}/images/0.png");
     folder.photo(&inner, 8, 6);
-    let error = load(&folder.file(EVIL), &options()).expect_err("no poses").to_string();
+    let error = load(&folder.file(EVIL), &all()).expect_err("no poses").to_string();
     assert!(is_clean(&error), "{error:?}");
-    assert!(check(&folder.file(EVIL), &options()).to_string().lines().all(is_clean));
+    assert!(check(&folder.file(EVIL), &all()).to_string().lines().all(is_clean));
 }
 
 #[test]
@@ -123,8 +115,7 @@ fn names_that_differ_in_control_characters_stay_apart() {
         folder.photo(name, 32, 24);
         top["frames"][i]["file_path"] = json!(name);
     }
-    folder.write_json("transforms.json", &top);
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.scene(&top, &all());
     assert_eq!(crate::fixtures::names(&scene.train), ["images/a_", "images/a__2"]);
 }
 
@@ -132,8 +123,8 @@ fn names_that_differ_in_control_characters_stay_apart() {
 #[test]
 fn a_name_too_long_for_an_output_file_is_refused_when_it_is_loaded() {
     let refused = |folder: &Folder, bytes: usize| {
-        let error = load(folder.path(), &options()).expect_err("too long").to_string();
-        let report = check(folder.path(), &options());
+        let error = load(folder.path(), &all()).expect_err("too long").to_string();
+        let report = check(folder.path(), &all());
         for text in [&error, &report.to_string()] {
             assert!(text.contains("at most 215 bytes") && text.contains(&format!("{bytes} bytes")), "{text}");
             assert!(text.len() < 1000 + 2 * folder.path().as_os_str().len(), "{text}");
@@ -165,8 +156,7 @@ fn a_name_too_long_for_an_output_file_is_refused_when_it_is_loaded() {
     let name = format!("images/{}.png", "n".repeat(215));
     folder.photo(&name, 32, 24);
     top["frames"][1]["file_path"] = json!(name);
-    folder.write_json("transforms.json", &top);
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.scene(&top, &all());
     let longest = folder.file(&format!("out/{}_4294967295_depth_color.png", scene.train[2].name));
     gs_datasets::image_io::write_png(&longest, 1, 1, &[0]).expect("written");
 }
@@ -210,8 +200,8 @@ mod not_utf8 {
             std::fs::create_dir_all(odd.parent().expect("a parent")).expect("made");
             std::fs::rename(folder.file("photo.png"), odd).expect("renamed");
             folder.write("poses_bounds.npy", poses(1));
-            let error = load(folder.path(), &options()).expect_err("refused").to_string();
-            let report = check(folder.path(), &options());
+            let error = load(folder.path(), &all()).expect_err("refused").to_string();
+            let report = check(folder.path(), &all());
             assert!(error.contains('\u{fffd}') && error.contains("UTF-8"), "{error}");
             assert!(!report.is_ok() && report.to_string().contains("UTF-8"), "{report}");
         }
@@ -231,10 +221,10 @@ mod not_utf8 {
         }
         ring.write_json("transforms.json", &top);
         std::fs::rename(ring.path(), &odd).expect("renamed");
-        let scene = load(&odd, &options()).expect("loads");
+        let scene = load(&odd, &all()).expect("loads");
         assert_eq!(crate::fixtures::names(&scene.train), ["images/00", "images/01", "images/02"]);
         assert!(scene.train.iter().all(|view| view.priors.depth.is_some()), "{:?}", scene.warnings);
-        assert!(check(&odd, &options()).is_ok());
+        assert!(check(&odd, &all()).is_ok());
         std::fs::rename(&odd, ring.path()).expect("renamed");
 
         let odd = folder.path().join(OsStr::from_bytes(b"set\xfe"));
@@ -242,7 +232,7 @@ mod not_utf8 {
         rig(&set, ".", 0, 2, 2);
         set.write("poses_bounds.npy", poses(2));
         std::fs::rename(set.path(), &odd).expect("renamed");
-        let scene = load(&odd, &options()).expect("loads");
+        let scene = load(&odd, &all()).expect("loads");
         assert_eq!(crate::fixtures::names(&scene.train), ["cam00/0000", "cam00/0001", "cam01/0000", "cam01/0001"]);
         std::fs::rename(&odd, set.path()).expect("renamed");
     }

@@ -1,18 +1,14 @@
 //! A photo serves one view.
 
-use gs_datasets::{Holdout, LoadOptions, check, load};
+use gs_datasets::{check, load};
 use serde_json::json;
 
 use crate::colmap::example;
-use crate::fixtures::{Folder, names, ring, ring_scene};
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
+use crate::fixtures::{Folder, all, names, ring, ring_scene, warned};
 
 fn assert_refused(folder: &Folder, parts: &[&str]) {
-    let error = load(folder.path(), &options()).expect_err("ambiguous").to_string();
-    let report = check(folder.path(), &options());
+    let error = load(folder.path(), &all()).expect_err("ambiguous").to_string();
+    let report = check(folder.path(), &all());
     assert_eq!(report.errors.len(), 1, "{report}");
     for text in [&error, &report.errors[0]] {
         assert!(parts.iter().all(|part| text.contains(part)), "{parts:?}: {text}");
@@ -33,7 +29,7 @@ fn two_names_of_one_file_are_refused() {
     model.images[0].name = "b.png".to_string();
     model.images[2].name = "z.png".to_string();
     model.write_binary(&folder, "sparse/0");
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.load(&all());
     assert_eq!(names(&scene.train), ["b", "z"]);
     let said = scene.warnings.join(" ");
     assert!(said.contains("2 of 4 photos do not exist") && said.contains("right/b.png, right/z.png"), "{said}");
@@ -66,17 +62,12 @@ fn one_pose_of_one_file_may_be_listed_again() {
     let (folder, mut top) = ring_scene(3);
     let again = top["frames"][1].clone();
     top["frames"].as_array_mut().expect("frames").push(again);
-    folder.write_json("transforms.json", &top);
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.scene(&top, &all());
     assert_eq!(scene.train.len(), 3);
-    assert!(
-        scene.warnings.iter().any(|text| text.contains("1 frame is listed more than once")),
-        "{:?}",
-        scene.warnings
-    );
+    warned(&scene.warnings, &["1 frame is listed more than once"]);
     for i in 0..4 {
         top["frames"][i]["time"] = json!(i as f64);
     }
     folder.write_json("transforms.json", &top);
-    assert_eq!(load(folder.path(), &options()).expect("loads").train.len(), 4);
+    assert_eq!(folder.load(&all()).train.len(), 4);
 }

@@ -1,10 +1,10 @@
 //! Sentences about one thing.
 
 use gs_base::{agree, counted};
-use gs_datasets::{Holdout, LoadOptions, check, load};
+use gs_datasets::check;
 use serde_json::json;
 
-use crate::fixtures::{Folder, ring_scene};
+use crate::fixtures::{Folder, all, cloud, ring_scene};
 
 #[test]
 fn one_view_is_and_two_views_are() {
@@ -16,9 +16,8 @@ fn one_view_is_and_two_views_are() {
 #[test]
 fn nothing_is_one_things() {
     let folder = one_of_each();
-    let options = LoadOptions { holdout: Holdout::None, ..LoadOptions::default() };
-    let report = check(folder.path(), &options).to_string();
-    let warnings = load(folder.path(), &options).expect("loads").warnings.join("\n");
+    let report = check(folder.path(), &all()).to_string();
+    let warnings = folder.load(&all()).warnings.join("\n");
     for line in report.lines().chain(warnings.lines()) {
         let words: Vec<&str> =
             line.split([' ', '(', ')', ',', ';', '.', ':']).filter(|word| !word.is_empty()).collect();
@@ -30,11 +29,7 @@ fn nothing_is_one_things() {
 
 fn one_of_each() -> Folder {
     let (folder, mut top) = ring_scene(2);
-    folder.write(
-        "points.ply",
-        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty \
-        float z\nend_header\n1 2 3\n",
-    );
+    folder.write("points.ply", cloud("float", &[[1.0, 2.0, 3.0]]));
     folder.photo("images/01.png", 64, 48);
     top["ply_file_path"] = json!("points.ply");
     top["k1"] = json!(0.01);

@@ -1,16 +1,15 @@
 //! Poses that are not rigid, and scenes far from their origin.
 
-use gs_datasets::{Holdout, LoadOptions, load};
+use gs_datasets::{LoadOptions, load};
 use serde_json::{Value, json};
 
-use crate::fixtures::ring_scene;
+use crate::fixtures::{all, cloud, move_camera, ring_scene};
 
 fn load_with_pose(pose: Value) -> Result<gs_datasets::Scene, String> {
     let (folder, mut top) = ring_scene(2);
     top["frames"][1]["transform_matrix"] = pose;
     folder.write_json("transforms.json", &top);
-    let options = LoadOptions { holdout: Holdout::None, ..LoadOptions::default() };
-    load(folder.path(), &options).map_err(|error| error.to_string())
+    load(folder.path(), &all()).map_err(|error| error.to_string())
 }
 
 fn diagonal(x: f64, y: f64, z: f64) -> Value {
@@ -45,8 +44,7 @@ fn a_number_that_is_not_finite_names_its_frame() {
         let (folder, mut top) = ring_scene(2);
         top["frames"][1]["transform_matrix"][0][3] = json!("HERE");
         folder.write("transforms.json", top.to_string().replace("\"HERE\"", word));
-        let error = load(folder.path(), &LoadOptions::default()).expect_err(word).to_string();
-        assert!(error.contains("images/01.png") && error.contains("row 0, column 3"), "{error}");
+        folder.refused(&LoadOptions::default(), &["images/01.png", "row 0, column 3"]);
     }
 }
 
@@ -67,24 +65,11 @@ fn a_far_scene_is_moved_to_its_cameras_and_keeps_millimetres() {
     let (folder, mut top) = ring_scene(4);
     let far = [4_321_000.125, -98_765.5, 250.0];
     for frame in top["frames"].as_array_mut().expect("a list") {
-        for (row, offset) in far.iter().enumerate() {
-            let value = frame["transform_matrix"][row][3].as_f64().expect("a number");
-            frame["transform_matrix"][row][3] = json!(value + offset);
-        }
+        move_camera(frame, 1.0, far);
     }
     top["ply_file_path"] = json!("points.ply");
-    folder.write(
-        "points.ply",
-        format!(
-            "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty double \
-         z\nend_header\n{} {} {}\n",
-            far[0] + 0.001,
-            far[1],
-            far[2]
-        ),
-    );
-    folder.write_json("transforms.json", &top);
-    let scene = load(folder.path(), &LoadOptions::default()).expect("loaded");
+    folder.write("points.ply", cloud("double", &[[far[0] + 0.001, far[1], far[2]]]));
+    let scene = folder.scene(&top, &LoadOptions::default());
     assert!(scene.origin.distance(glam::DVec3::from_array(far)) < 5.0);
     let point = glam::Vec3::from_array(scene.points.as_ref().expect("points").positions[0]).as_dvec3() + scene.origin;
     assert!((point.x - far[0] - 0.001).abs() < 1e-6, "{point}");
@@ -92,7 +77,7 @@ fn a_far_scene_is_moved_to_its_cameras_and_keeps_millimetres() {
         let centre = view.c2w.w_axis.truncate();
         assert!(centre.length() < 10.0);
     }
-    let still = load(folder.path(), &LoadOptions { recentre: false, ..LoadOptions::default() }).expect("loaded");
+    let still = folder.load(&LoadOptions { recentre: false, ..LoadOptions::default() });
     assert_eq!(still.origin, glam::DVec3::ZERO);
     assert!((still.train[0].c2w.w_axis - scene.train[0].c2w.w_axis - scene.origin.extend(0.0)).length() < 1e-8);
 }

@@ -1,20 +1,16 @@
 //! Priors and truth beside the photos.
 
 use gs_datasets::{
-    DepthKind, DepthSpace, Holdout, LoadOptions, MaskUse, PriorUse, Scene, View, check, image_io::write_exr, load,
+    DepthKind, DepthSpace, LoadOptions, MaskUse, PriorUse, Scene, View, check, image_io::write_exr, load,
 };
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::{Value, json};
 
-use crate::fixtures::{Folder, held_out, npy, npy_f32, rig};
+use crate::fixtures::{Folder, all, held_out, npy, npy_f32, rig, warned};
 
 /// 8 x 6 values 1, 2, 3 and on.
 fn ramp() -> Vec<f32> {
     (1..=48).map(|i| i as f32).collect()
-}
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
 }
 
 /// One camera at `times` times.
@@ -77,7 +73,7 @@ fn everything_a_frame_names_is_loaded() {
         "velocity_path": "velocity.exr", "mask_path": "mask.png", "mask_union_path": "union.png"
     });
     top["frames"][1]["exposure"] = json!(0.02);
-    let Scene { train, warnings, .. } = scene(&folder, &top, &options());
+    let Scene { train, warnings, .. } = scene(&folder, &top, &all());
     let View { priors, truth, exposure, mask, .. } = &train[0];
     assert_eq!((*exposure, train[1].exposure), (Some(0.05), Some(0.02)));
     assert_eq!(*mask, None, "masks of moving objects do not hide pixels");
@@ -107,7 +103,7 @@ fn priors_that_are_not_wanted_are_not_read() {
     for key in ["depth_file_path", "mask_path", "pseudo_sharp_path"] {
         top["frames"][0][key] = json!("broken");
     }
-    let scene = scene(&folder, &top, &LoadOptions { priors: PriorUse::NONE, ..options() });
+    let scene = scene(&folder, &top, &LoadOptions { priors: PriorUse::NONE, ..all() });
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     assert_eq!(scene.train[0].priors, Default::default());
 }
@@ -135,7 +131,7 @@ fn numpy_arrays_of_any_kind_are_the_same_map() {
         npy(1, "|u1", true, "(6, 8)", &columns),
     ];
     for (i, file) in files.iter().enumerate() {
-        let (view, warnings) = with_depth("d.npy", |folder| folder.write("d.npy", file), Some("depth"), &options());
+        let (view, warnings) = with_depth("d.npy", |folder| folder.write("d.npy", file), Some("depth"), &all());
         assert!(warnings.is_empty(), "file {i}: {warnings:?}");
         assert_eq!(view.priors.depth.expect("depth").values, plane, "file {i}");
     }
@@ -149,21 +145,21 @@ fn depth_means_what_the_set_or_the_user_says() {
         let (view, warnings) = with_depth("d.png", write, kind, options);
         (view.priors.depth.expect("depth"), warnings)
     };
-    let (metric, _) = depth(Some("metric_z"), &options());
+    let (metric, _) = depth(Some("metric_z"), &all());
     assert!(metric.metric && metric.space == DepthSpace::Depth);
     // Thousandths of a unit; 0 stays 0, which is unknown.
     assert!((metric.values[3] - 1.5).abs() < 1e-6 && metric.values[0] == 0.0);
     // Spelled as in a configuration file.
-    assert!(depth(Some("metric-z"), &options()).0.metric);
-    let (relative, _) = depth(Some("disparity"), &options());
+    assert!(depth(Some("metric-z"), &all()).0.metric);
+    let (relative, _) = depth(Some("disparity"), &all());
     assert!(!relative.metric && relative.space == DepthSpace::InverseDepth && relative.values[3] == 1500.0);
-    let (user, _) = depth(Some("metric_z"), &LoadOptions { depth_kind: Some(DepthKind::Depth), ..options() });
+    let (user, _) = depth(Some("metric_z"), &LoadOptions { depth_kind: Some(DepthKind::Depth), ..all() });
     assert!(!user.metric && user.space == DepthSpace::Depth);
-    let (guess, warnings) = depth(None, &options());
+    let (guess, warnings) = depth(None, &all());
     assert!(!guess.metric && guess.space == DepthSpace::Depth);
     assert!(warnings.len() == 1 && warnings[0].contains("depth_kind"), "{warnings:?}");
     let grey = |folder: &Folder| folder.grey("d.png", 8, 6, |x, _| x as u8);
-    let (view, _) = with_depth("d.png", grey, None, &options());
+    let (view, _) = with_depth("d.png", grey, None, &all());
     assert_eq!(view.priors.depth.expect("depth").space, DepthSpace::InverseDepth, "as single-image networks save it");
 }
 
@@ -172,9 +168,9 @@ fn unknown_depths_are_zero() {
     let mut plane = ramp();
     plane[..5].copy_from_slice(&[f32::NAN, f32::INFINITY, 1e10, -3.0, -f32::INFINITY]);
     let write = |folder: &Folder| folder.write("d.npy", npy_f32("(6, 8)", &plane));
-    let (view, _) = with_depth("d.npy", write, Some("metric_z"), &options());
+    let (view, _) = with_depth("d.npy", write, Some("metric_z"), &all());
     assert_eq!(view.priors.depth.expect("depth").values[..6], [0.0, 0.0, 0.0, 0.0, 0.0, 6.0]);
-    let (view, _) = with_depth("d.npy", write, Some("depth"), &options());
+    let (view, _) = with_depth("d.npy", write, Some("depth"), &all());
     assert_eq!(view.priors.depth.expect("depth").values[..5], [0.0, 0.0, 0.0, -3.0, 0.0], "up to a shift");
 }
 
@@ -189,7 +185,7 @@ fn maps_follow_the_photo_to_its_training_size() {
     top["frames"][0]["depth_file_path"] = json!("d.npy");
     top["frames"][0]["pseudo_sharp_path"] = json!("sharp.png");
     top["frames"][0]["mask_path"] = json!("m.png");
-    let Scene { train, warnings, .. } = scene(&folder, &top, &LoadOptions { max_width: Some(4), ..options() });
+    let Scene { train, warnings, .. } = scene(&folder, &top, &LoadOptions { max_width: Some(4), ..all() });
     let View { priors, width, height, .. } = &train[0];
     assert_eq!((*width, *height), (4, 3));
     // The old pixel under the centre of a new one at (2x + 1, 2y + 1), whose corner it is: the one right and below.
@@ -212,7 +208,7 @@ fn a_prior_that_cannot_be_used_is_left_out_and_counted() {
         top["frames"][i]["depth_file_path"] = json!(name);
         top["frames"][i]["pseudo_sharp_path"] = json!("small.png");
     }
-    let Scene { train, warnings, .. } = scene(&folder, &top, &options());
+    let Scene { train, warnings, .. } = scene(&folder, &top, &all());
     let has: Vec<bool> = train.iter().map(|view| view.priors.depth.is_some()).collect();
     assert_eq!(has, [true, false, false, false, false]);
     assert!(train.iter().all(|view| view.priors.sharp.is_none()), "too small to be sharp");
@@ -231,11 +227,11 @@ fn a_prior_that_cannot_be_used_is_left_out_and_counted() {
         folder.write("0.npy", npy_f32("(6, 8)", &flat));
         top["depth_kind"] = json!("depth");
         top["frames"][0]["depth_file_path"] = json!("0.npy");
-        let Scene { train, warnings, .. } = scene(&folder, &top, &options());
+        let Scene { train, warnings, .. } = scene(&folder, &top, &all());
         assert!(train[0].priors.depth.is_none());
-        assert!(warnings.iter().any(|text| text.contains("hold one value, or none above 0")), "{warnings:?}");
+        warned(&warnings, &["hold one value, or none above 0"]);
     }
-    let report = check(folder.path(), &options());
+    let report = check(folder.path(), &all());
     assert!(report.is_ok() && report.warnings[..4] == warnings, "{report}");
     assert!(report.to_string().contains("1 view has depth priors, depth, to be aligned"), "{report}");
 }
@@ -248,11 +244,11 @@ fn masks_that_mark_nothing() {
         top["frames"][i]["mask_path"] = json!("m0.png");
     }
     top["mask_meaning"] = json!("dynamic");
-    let all_black = scene(&folder, &top, &options());
+    let all_black = scene(&folder, &top, &all());
     assert!(all_black.train.iter().all(|view| view.priors.moving.is_none()));
     assert!(all_black.warnings[0].contains("no mask marks a moving pixel"), "{:?}", all_black.warnings);
     top["frames"][2]["mask_path"] = json!("m2.png");
-    let some = scene(&folder, &top, &options());
+    let some = scene(&folder, &top, &all());
     assert!(some.train.iter().all(|view| view.priors.moving.is_some()));
     assert!(some.warnings[0].contains("masks of 2 of 3 views mark no moving pixel"), "{:?}", some.warnings);
 }
@@ -263,8 +259,7 @@ fn masks_of_objects_may_be_arrays_of_numbers() {
     let labels: Vec<u8> = (0..48).map(|i| if i == 5 { 2 } else { 0 }).collect();
     folder.write("m.npy", npy(1, "|u1", false, "(6, 8)", &labels));
     top["frames"][0]["mask_path"] = json!("m.npy");
-    let moving =
-        scene(&folder, &top, &LoadOptions { masks: MaskUse::Moving, ..options() }).train.remove(0).priors.moving;
+    let moving = scene(&folder, &top, &LoadOptions { masks: MaskUse::Moving, ..all() }).train.remove(0).priors.moving;
     assert_eq!(moving.expect("a mask").iter().position(|value| *value == 255), Some(5));
 }
 
@@ -275,14 +270,14 @@ fn masks_of_blurry_video_mark_what_moves_unless_it_says_otherwise() {
     for frame in top["frames"].as_array_mut().expect("frames") {
         frame["mask_path"] = json!("m.png");
     }
-    let sharp = scene(&folder, &top, &options());
+    let sharp = scene(&folder, &top, &all());
     assert!(sharp.train.iter().all(|view| view.priors.moving.is_none() && view.mask.is_some()));
     top["exposure"] = json!(0.05);
-    let blurry = scene(&folder, &top, &options());
+    let blurry = scene(&folder, &top, &all());
     assert!(blurry.train.iter().all(|view| view.priors.moving.is_some() && view.mask.is_none()));
-    assert!(blurry.warnings.iter().any(|text| text.contains("white where something moves")), "{:?}", blurry.warnings);
+    warned(&blurry.warnings, &["white where something moves"]);
     top["mask_meaning"] = json!("keep");
-    assert!(scene(&folder, &top, &options()).train.iter().all(|view| view.mask.is_some()));
+    assert!(scene(&folder, &top, &all()).train.iter().all(|view| view.mask.is_some()));
 }
 
 #[test]
@@ -293,7 +288,7 @@ fn held_out_views_are_their_sharp_truth() {
     folder.rgb("truth.png", 8, 6, |x, _| [x as u8, 7, 9]);
     test["frames"][0]["truth"] = json!({ "sharp_path": "truth.png" });
     folder.write_json("transforms_test.json", &test);
-    let found = load(folder.path(), &LoadOptions::default()).expect("loaded");
+    let found = folder.load(&LoadOptions::default());
     let view = &held_out(&found)[0];
     assert_eq!(view.image.data[3..6], [1, 7, 9]);
     assert!(view.truth.blurry.as_ref().is_some_and(|photo| photo.data != view.image.data));
@@ -306,7 +301,7 @@ fn side_folders_go_by_the_photos_names() {
     folder.write("depth/cam00/0001.npy", npy_f32("(6, 8)", &ramp()));
     folder.photo("sharp/train/cam00/0000.png", 8, 6);
     folder.grey("masks/train/cam00/0000.png", 8, 6, |x, _| if x == 0 { 255 } else { 0 });
-    let found = scene(&folder, &top, &options());
+    let found = scene(&folder, &top, &all());
     assert!(found.train.iter().all(|view| view.priors.depth.is_some()));
     assert_eq!([0, 1].map(|i| found.train[i].priors.moving.is_some()), [true, false]);
     assert_eq!([0, 1].map(|i| found.train[i].priors.sharp.is_some()), [true, false]);
@@ -315,13 +310,13 @@ fn side_folders_go_by_the_photos_names() {
     }
     for meaning in ["keep", "dynamic"] {
         top["mask_meaning"] = json!(meaning);
-        assert_eq!(scene(&folder, &top, &options()).train[0].priors.moving.is_some(), meaning == "dynamic");
-        let marked = scene(&folder, &top, &LoadOptions { masks: MaskUse::Moving, ..options() });
+        assert_eq!(scene(&folder, &top, &all()).train[0].priors.moving.is_some(), meaning == "dynamic");
+        let marked = scene(&folder, &top, &LoadOptions { masks: MaskUse::Moving, ..all() });
         assert!(marked.train[0].priors.moving.is_some());
     }
     // A set that names its truth keeps it in such folders; they are no priors.
     top["frames"][0]["truth"] = json!({ "sharp_path": "sharp/train/cam00/0000.png" });
-    let told = scene(&folder, &top, &options());
+    let told = scene(&folder, &top, &all());
     assert!(told.train[0].truth.sharp.is_some() && told.train[0].priors == Default::default());
     assert!(told.warnings.is_empty(), "{:?}", told.warnings);
 }
@@ -346,9 +341,9 @@ fn priors_are_not_undistorted() {
     top["depth_kind"] = json!("depth");
     top["k1"] = json!(0.1);
     top["frames"][0]["depth_file_path"] = json!("d.npy");
-    let scene = scene(&folder, &top, &options());
+    let scene = scene(&folder, &top, &all());
     assert!(scene.train[0].priors.depth.is_none());
-    assert!(scene.warnings.iter().any(|text| text.contains("lens distortion")), "{:?}", scene.warnings);
+    warned(&scene.warnings, &["lens distortion"]);
 }
 
 /// Confidence goes with depth: named or in its side folder, at least 1, at the photo's size; a broken file is counted
@@ -365,24 +360,19 @@ fn confidence_is_read_with_depth() {
         if !key.is_empty() {
             top["frames"][0][key] = json!("priors/confidence/train/cam00/0000.exr");
         }
-        let loaded = scene(&folder, &top, &options());
+        let loaded = scene(&folder, &top, &all());
         assert_eq!(loaded.warnings, Vec::<String>::new());
         let confidence = loaded.train[0].priors.confidence.as_ref().expect("a confidence");
         assert_eq!(confidence[..9], [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.5, 1.75, 2.0], "key {key:?}");
-        let half = scene(&folder, &top, &LoadOptions { max_width: Some(4), ..options() });
+        let half = scene(&folder, &top, &LoadOptions { max_width: Some(4), ..all() });
         assert_eq!(half.train[0].priors.confidence.as_ref().map(Vec::len), Some(4 * 3));
         assert!(loaded.train[0].bytes() > half.train[0].bytes() + 4 * (48 - 12) * 2, "both maps count");
-        let none =
-            scene(&folder, &top, &LoadOptions { priors: PriorUse { depth: false, ..PriorUse::ALL }, ..options() });
+        let none = scene(&folder, &top, &LoadOptions { priors: PriorUse { depth: false, ..PriorUse::ALL }, ..all() });
         assert_eq!(none.train[0].priors.confidence, None);
         folder.write("priors/confidence/train/cam00/0000.exr", "broken");
-        let broken = scene(&folder, &top, &options());
+        let broken = scene(&folder, &top, &all());
         assert!(broken.train[0].priors.depth.is_some() && broken.train[0].priors.confidence.is_none());
-        assert!(
-            broken.warnings.iter().any(|text| text.contains("confidences of depth of 1 of 1 view")),
-            "{:?}",
-            broken.warnings
-        );
+        warned(&broken.warnings, &["confidences of depth of 1 of 1 view"]);
     }
 }
 
@@ -397,8 +387,8 @@ fn priors_of_one_time_have_gaps_at_that_time_only() {
     for camera in [0, 1] {
         top["frames"][4 * camera]["depth_file_path"] = json!("d.exr");
     }
-    let warnings = scene(&folder, &top, &options()).warnings;
+    let warnings = scene(&folder, &top, &all()).warnings;
     assert!(warnings.len() == 1 && warnings[0].contains("train/cam02/0000"), "{warnings:?}");
     top["frames"][8]["depth_file_path"] = json!("d.exr");
-    assert_eq!(scene(&folder, &top, &options()).warnings, Vec::<String>::new());
+    assert_eq!(scene(&folder, &top, &all()).warnings, Vec::<String>::new());
 }

@@ -1,12 +1,8 @@
 //! Which photo goes with which row of an LLFF pose file.
 
-use gs_datasets::{Holdout, LoadOptions, RowOrder, Scene, check, load};
+use gs_datasets::{LoadOptions, RowOrder, Scene, check};
 
-use crate::fixtures::{Folder, npy};
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
+use crate::fixtures::{Folder, all, npy, warned};
 
 /// Rows of cameras that look along -z from these places: columns down, right, back and position, then height, width and
 /// focal length.
@@ -51,9 +47,9 @@ fn assert_in_place(scene: &Scene, at: impl Fn(usize) -> [f64; 3]) {
 #[test]
 fn rows_go_with_names_as_text_where_the_path_is_short_then() {
     let folder = video(30, true, still, line);
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.load(&all());
     assert_in_place(&scene, line);
-    let report = check(folder.path(), &options());
+    let report = check(folder.path(), &all());
     assert!(report.warnings.is_empty(), "{report}");
     let said = report.facts.iter().find(|fact| fact.contains("names as text")).expect("said");
     assert!(said.contains("IMG_10.png before IMG_2.png") && said.contains("2.90 long then, and 9.50"), "{said}");
@@ -62,7 +58,7 @@ fn rows_go_with_names_as_text_where_the_path_is_short_then() {
 #[test]
 fn rows_go_by_number_where_the_path_is_short_then() {
     let folder = video(30, false, still, line);
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.load(&all());
     assert_in_place(&scene, line);
     let said = scene.warnings.join(" ");
     assert!(
@@ -77,22 +73,18 @@ fn rows_go_with_names_as_text_where_paths_do_not_tell() {
     // A walk to and fro between two places is as long in any order.
     let zigzag = |k: usize| [(7 * k % 12) as f64, 0.0, (5 * k % 12) as f64];
     let folder = video(12, true, still, zigzag);
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.load(&all());
     assert_in_place(&scene, zigzag);
-    assert!(
-        scene.warnings.iter().any(|text| text.contains("does not tell; data.row_order=number")),
-        "{:?}",
-        scene.warnings
-    );
+    warned(&scene.warnings, &["does not tell; data.row_order=number"]);
     // The user says it, without a word more.
     let folder = video(12, false, still, zigzag);
-    let by_number = LoadOptions { row_order: RowOrder::Number, ..options() };
-    let scene = load(folder.path(), &by_number).expect("loads");
+    let by_number = LoadOptions { row_order: RowOrder::Number, ..all() };
+    let scene = folder.load(&by_number);
     assert_in_place(&scene, zigzag);
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     // With leading zeros there is no doubt and no word.
     let folder = video(12, true, |k| format!("images/IMG_{k:02}.png"), zigzag);
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.load(&all());
     assert_in_place(&scene, zigzag);
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
@@ -101,7 +93,7 @@ fn rows_go_with_names_as_text_where_paths_do_not_tell() {
 fn folders_of_cameras_go_likewise() {
     for as_text in [true, false] {
         let folder = video(24, as_text, |k| format!("cam{k}/0001.png"), line);
-        let scene = load(folder.path(), &options()).expect("loads");
+        let scene = folder.load(&all());
         assert_eq!(scene.train.len(), 24);
         assert_in_place(&scene, line);
     }
@@ -112,14 +104,13 @@ fn folders_of_cameras_go_likewise() {
 fn a_folder_of_smaller_photos_is_named_with_its_key() {
     let folder = video(3, true, |k| format!("images_4/{k}.png"), line);
     folder.photo("thumbnails/1.png", 8, 6);
-    let error = load(folder.path(), &options()).expect_err("no images").to_string();
-    assert!(error.contains("0 images in") && error.contains("images_4 holds 3: --set data.images=images_4"), "{error}");
-    let options = LoadOptions { images: Some("images_4".into()), ..options() };
-    for view in load(folder.path(), &options).expect("the way out").train {
+    folder.refused(&all(), &["0 images in", "images_4 holds 3: --set data.images=images_4"]);
+    let options = LoadOptions { images: Some("images_4".into()), ..all() };
+    for view in folder.load(&options).train {
         assert_eq!(view.c2w.w_axis.truncate().to_array(), line(view.name[9..].parse().expect("a number")));
     }
     folder.grey("images_4/1.mask.png", 8, 6, |x, _| x as u8);
-    let scene = load(folder.path(), &options).expect("a mask is no photo");
+    let scene = folder.load(&options);
     assert!(scene.train[1].mask.is_some() && scene.train[0].mask.is_none());
 }
 
@@ -130,10 +121,10 @@ fn hidden_files_are_no_photos() {
     for name in ["images/._IMG_0.png", "images/._IMG_1.png", "images/.DS_Store", "._poses_bounds.npy"] {
         folder.write(name, b"\0\x05\x16\x07");
     }
-    assert_in_place(&load(folder.path(), &options()).expect("loads"), line);
+    assert_in_place(&folder.load(&all()), line);
     let folder = video(2, true, |k| format!("cam0{k}/0001.png"), line);
     folder.write("._cam00", b"\0\x05\x16\x07");
     folder.write("cam00/._0001.png", b"\0\x05\x16\x07");
     folder.write(".cam02/0001.png", b"");
-    assert_eq!(load(folder.path(), &options()).expect("loads").train.len(), 2);
+    assert_eq!(folder.load(&all()).train.len(), 2);
 }

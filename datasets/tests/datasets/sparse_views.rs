@@ -62,7 +62,7 @@ fn a_camera_between_interpolates_and_one_outside_extrapolates() {
 #[test]
 fn an_arc_without_a_split_is_divided_by_camera_and_time() {
     let folder = arc(10);
-    let scene = load(folder.path(), &options(3, 4, 0.75)).expect("loaded");
+    let scene = folder.load(&options(3, 4, 0.75));
     let split = |name: &str| scene.split(name).expect("a split");
     let own = cameras(&scene.train);
     // Times 0 to 5 of 7 are within three quarters.
@@ -101,14 +101,12 @@ fn the_choice_is_the_same_each_time_and_figures_are_of_the_future() {
 #[test]
 fn sets_without_enough_cameras_are_refused_in_words() {
     let folder = arc(4);
-    let error = load(folder.path(), &options(5, 2, 1.0)).expect_err("four cameras").to_string();
-    assert!(error.contains("at most 4 training cameras") && error.contains("found 5"), "{error}");
+    folder.refused(&options(5, 2, 1.0), &["at most 4 training cameras", "found 5"]);
     let still = Folder::new();
     still.photo("images/a.png", 8, 6);
     let frame = json!({ "file_path": "images/a.png", "transform_matrix": look_at(DVec3::X, DVec3::ZERO) });
     still.write_json("transforms.json", &json!({ "camera_angle_x": 0.8, "frames": [frame] }));
-    let error = load(still.path(), &options(3, 2, 1.0)).expect_err("no cameras").to_string();
-    assert!(error.contains("told apart by name or pose"), "{error}");
+    still.refused(&options(3, 2, 1.0), &["told apart by name or pose"]);
     assert!(!check(still.path(), &options(3, 2, 1.0)).is_ok());
 }
 

@@ -1,13 +1,9 @@
 //! Several COLMAP models of one capture, and photos in none.
 
-use gs_datasets::{Holdout, LoadOptions, check, load, load_cameras};
+use gs_datasets::{check, load, load_cameras};
 
-use crate::colmap::{Model, example};
-use crate::fixtures::{Folder, names};
-
-fn options() -> LoadOptions {
-    LoadOptions { holdout: Holdout::None, ..LoadOptions::default() }
-}
+use crate::colmap::{ENCODINGS, Model, example};
+use crate::fixtures::{Folder, all, names};
 
 /// A capture that fell apart: one image in `small`, three in `large`.
 fn apart(write: fn(&Model, &Folder, &str), small: &str, large: &str) -> Folder {
@@ -21,12 +17,12 @@ fn apart(write: fn(&Model, &Folder, &str), small: &str, large: &str) -> Folder {
 
 #[test]
 fn the_largest_model_is_read_and_the_others_are_said() {
-    for write in [Model::write_text as fn(&Model, &Folder, &str), Model::write_binary] {
+    for (write, _) in ENCODINGS {
         for (small, large) in
             [("sparse/0", "sparse/1"), ("sparse/1", "sparse/0"), ("sparse/2", "sparse/10"), ("0", "1")]
         {
             let folder = apart(write, small, large);
-            let scene = load(folder.path(), &options()).expect("loads");
+            let scene = folder.load(&all());
             assert_eq!(names(&scene.train), ["a photo", "left/a", "z"], "{large}");
             let said = scene.warnings.join(" ");
             let number = |path: &str| path.rsplit('/').next().expect("a part").to_string();
@@ -36,11 +32,11 @@ fn the_largest_model_is_read_and_the_others_are_said() {
                 folder.file(small).display().to_string(),
             ];
             assert!(parts.iter().all(|part| said.contains(part)), "{parts:?}: {said}");
-            let report = check(folder.path(), &options());
+            let report = check(folder.path(), &all());
             assert!(report.is_ok() && report.to_string().contains("1 of 4 photos in "), "{report}");
             assert_eq!(load_cameras(folder.path()).expect("cameras").len(), 3);
             // The way out that the sentence names.
-            let scene = load(&folder.file(small), &options()).expect("loads");
+            let scene = load(&folder.file(small), &all()).expect("loads");
             assert_eq!(names(&scene.train), ["b"]);
             assert!(!scene.warnings.join(" ").contains("largest"), "{:?}", scene.warnings);
         }
@@ -54,7 +50,7 @@ fn a_broken_model_is_not_the_largest() {
     let mut bytes = std::fs::read(folder.file("sparse/0/images.bin")).expect("read");
     bytes[..8].copy_from_slice(&(1_u64 << 40).to_le_bytes());
     folder.write("sparse/0/images.bin", bytes);
-    assert_eq!(load(folder.path(), &options()).expect("loads").train.len(), 3);
+    assert_eq!(folder.load(&all()).train.len(), 3);
 }
 
 #[test]
@@ -65,10 +61,10 @@ fn a_model_with_few_of_the_photos_is_warned_about() {
     model.write_text(&folder, "sparse/0");
     folder.write("images/._z.png", b"");
     folder.grey("images/b.mask.png", 40, 30, |x, _| (x * 6) as u8);
-    let report = check(folder.path(), &options());
+    let report = check(folder.path(), &all());
     assert!(report.warnings.is_empty() && report.to_string().contains("2 of 4 photos in "), "{report}");
     folder.photo("images/c.png", 40, 30);
-    let report = check(folder.path(), &options());
+    let report = check(folder.path(), &all());
     assert!(
         report.warnings[0].contains("3 of 5 photos in ") && report.warnings[0].contains("not in the model"),
         "{report}"
@@ -83,16 +79,16 @@ fn a_distorted_model_is_read_with_its_input() {
     example(&folder).write_binary(&folder, "distorted/sparse/0");
     std::fs::rename(folder.file("images"), folder.file("input")).expect("moved");
     for path in ["", "distorted", "distorted/sparse/0"] {
-        assert_eq!(load(&folder.file(path), &options()).expect("loads").train.len(), 4, "{path}");
+        assert_eq!(load(&folder.file(path), &all()).expect("loads").train.len(), 4, "{path}");
     }
     // Undistorted photos of the same names belong to the undistorted model.
     for name in ["b.png", "left/a.png", "a photo.png", "z.png"] {
         folder.photo(&format!("images/{name}"), 44, 34);
     }
-    let scene = load(folder.path(), &options()).expect("loads");
+    let scene = folder.load(&all());
     assert!(scene.train.iter().all(|view| view.width == 40), "input goes with the distorted model");
     let mut model = example(&Folder::new());
     model.cameras.iter_mut().for_each(|camera| (camera.width, camera.height) = (44, 34));
     model.write_binary(&folder, "sparse/0");
-    assert!(load(folder.path(), &options()).expect("loads").train.iter().all(|view| view.width == 44));
+    assert!(folder.load(&all()).train.iter().all(|view| view.width == 44));
 }

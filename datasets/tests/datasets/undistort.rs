@@ -1,10 +1,9 @@
 //! A pattern of dots drawn through a lens must come out where an ideal pinhole puts it.
 
-use gs_datasets::{Holdout, LoadOptions, load};
 use serde_json::json;
 
 use crate::colmap::{Camera, Image, Model};
-use crate::fixtures::{Folder, ring};
+use crate::fixtures::{Folder, all, ring};
 
 const SIZE: (usize, usize) = (320, 240);
 const F: (f64, f64) = (250.0, 245.0);
@@ -41,8 +40,7 @@ fn draw(folder: &Folder, name: &str, k: [f64; 8]) {
 
 /// Largest distance between where a dot should be and the centre of light around it, pixels.
 fn worst(folder: &Folder) -> (f64, usize) {
-    let options = LoadOptions { holdout: Holdout::None, ..LoadOptions::default() };
-    let view = load(folder.path(), &options).expect("loaded").train.remove(0);
+    let view = folder.load(&all()).train.remove(0);
     assert_eq!((view.intrinsics.fx, view.intrinsics.cy), (F.0, C.1), "the pinhole keeps the lens's intrinsics");
     let mut worst = 0.0_f64;
     for (u, v) in dots() {
@@ -104,8 +102,7 @@ fn smaller_colmap_models_are_cases_of_larger_ones() {
         let folder = Folder::new();
         draw(&folder, "images/a.png", [-0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         write_model(&folder, model, params.to_vec());
-        let options = LoadOptions { holdout: Holdout::None, ..LoadOptions::default() };
-        let view = load(folder.path(), &options).expect("loaded").train.remove(0);
+        let view = folder.load(&all()).train.remove(0);
         (view.image, view.mask, view.intrinsics)
     };
     let f = F.0;

@@ -1,8 +1,38 @@
-//! The work of a case in bytes of memory, which no machine's speed changes.
+//! Cases of damage, and the work of a case in bytes of memory, which no machine's speed changes.
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestCaseError, TestCaseResult, TestRunner};
+
+use crate::mutate::Step;
+
+/// Cases of the long run: as many as the variable says, or `otherwise`.
+pub fn asked(otherwise: u32) -> u32 {
+    std::env::var("GS_FUZZ_CASES").map_or(otherwise, |text| text.parse().expect("GS_FUZZ_CASES is a number"))
+}
+
+/// Damage to one file.
+pub fn steps() -> impl Strategy<Value = Vec<Step>> {
+    proptest::collection::vec((any::<u8>(), any::<u32>(), any::<u64>()), 1..6)
+}
+
+/// Runs cases, and panics with the smallest that fails.
+pub fn run<S: Strategy>(name: &str, cases: u32, strategy: S, case: impl Fn(S::Value) -> TestCaseResult) {
+    let mut runner = TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
+    runner.run(&strategy, case).unwrap_or_else(|error| panic!("{name}: {error}"));
+}
+
+/// Whether a case neither panics nor works beyond its bounds.
+pub fn kept(file: &str, case: impl FnOnce()) -> TestCaseResult {
+    catch_unwind(AssertUnwindSafe(|| bounded(case))).map_err(|panic| {
+        let text = panic.downcast_ref::<String>().map_or("a panic, which is printed above", String::as_str);
+        TestCaseError::fail(format!("{file}: {text}"))
+    })
+}
 
 /// Most memory that a case may hold at once, bytes. Its files have some KB.
 pub const HELD_MAX: usize = 64 << 20;

@@ -20,10 +20,8 @@ mod seeds;
 use std::fs;
 
 use gs_datasets::{Holdout, LoadOptions, Scene, check, load, load_cameras};
-use proptest::prelude::*;
-use proptest::test_runner::{Config, TestCaseError, TestRunner};
 
-use crate::bounded::bounded;
+use crate::bounded::{asked, bounded, kept, run, steps};
 use crate::mutate::damaged;
 use crate::seeds::{SEEDS, Seed};
 
@@ -33,30 +31,18 @@ const SHORT: u32 = 64;
 /// Cases for each reader when no number is given.
 const LONG: u32 = 20_000;
 
-/// The variable with the number of cases of the long run.
-const CASES: &str = "GS_FUZZ_CASES";
-
 /// Damages each file of a seed in turn.
 fn fuzz(name: &str, cases: u32) {
     let seed = SEEDS.iter().find(|seed| seed.name == name).expect("a seed of this name");
     let folder = (seed.write)();
     assert!(loaded(&folder, &options(0)).is_ok(), "{name}: the seed itself is sound");
     let whole: Vec<Vec<u8>> = seed.files.iter().map(|file| fs::read(folder.file(file)).expect("read")).collect();
-    let step = (any::<u8>(), any::<u32>(), any::<u64>());
-    let strategy = (0..seed.files.len(), 0..3_u8, proptest::collection::vec(step, 1..6));
-    let mut runner = TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
-    let outcome = runner.run(&strategy, |(file, kind, steps)| {
+    run(name, cases, (0..seed.files.len(), 0..3_u8, steps()), |(file, kind, steps)| {
         folder.write(seed.files[file], damaged(&whole[file], &steps));
-        let kept = std::panic::catch_unwind(|| bounded(|| examine(&folder, &options(kind))));
+        let kept = kept(seed.files[file], || examine(&folder, &options(kind)));
         folder.write(seed.files[file], &whole[file]);
-        kept.map_err(|panic| {
-            let text = panic.downcast_ref::<String>().cloned().unwrap_or_else(|| "a panic".to_string());
-            TestCaseError::fail(format!("{}: {text}", seed.files[file]))
-        })
+        kept
     });
-    if let Err(error) = outcome {
-        panic!("{name}: {error}");
-    }
 }
 
 /// How the set is loaded: each kind leads through other code.
@@ -229,8 +215,7 @@ fn crc(bytes: &[u8]) -> u32 {
 #[test]
 #[ignore = "as long as wanted: GS_FUZZ_CASES cases for each reader"]
 fn all_readers_for_long() {
-    let cases = std::env::var(CASES).map_or(LONG, |text| text.parse().expect("GS_FUZZ_CASES is a number"));
     for Seed { name, .. } in SEEDS {
-        fuzz(name, cases);
+        fuzz(name, asked(LONG));
     }
 }

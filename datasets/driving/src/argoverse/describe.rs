@@ -3,12 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use glam::{DMat4, DVec3};
-use gs_base::counted;
-use gs_datasets::{DatasetError, photo_size, some_names};
+use gs_datasets::{DatasetError, photo_size};
 
 use super::poses::{Calibrated, Track, cameras};
-use crate::description::{Camera, Description, Frame, Shot};
+use crate::description::{Camera, Description, Frame, Shot, centred, folder_name, without};
 use crate::options::LogOptions;
 
 /// Farthest an image may be from its sweep, nanoseconds. Cameras take 20 images a second, so the nearest is within half
@@ -66,23 +64,17 @@ pub(crate) fn describe(log: &Path, options: &LogOptions) -> Result<Description, 
         };
         let mut row = Vec::new();
         for (_, pose, images) in &filmed {
-            row.push(match nearest(images) {
-                Some((time, image)) => {
-                    let c2w = centred(track.at(log, time)? * *pose, origin);
-                    Some(Shot { time: seconds(time), c2w, image: Some(image) })
-                }
-                None => None,
-            });
+            let shot = |(time, image)| {
+                let c2w = centred(track.at(log, time)? * *pose, origin);
+                Ok::<_, DatasetError>(Shot { time: seconds(time), c2w, image: Some(image) })
+            };
+            row.push(nearest(images).map(shot).transpose()?);
         }
         shots.push(row);
     }
-    let mut warnings = Vec::new();
-    if !silent.is_empty() {
-        let names: Vec<&str> = silent.iter().map(String::as_str).collect();
-        warnings.push(format!("{} without an image: {}", counted(names.len(), "camera"), some_names(&names)));
-    }
-    let name = log.file_name().map_or_else(|| "log".to_string(), |name| name.to_string_lossy().into_owned());
-    Ok(Description { name, origin, frames, cameras: filmed.into_iter().map(|f| f.0).collect(), shots, warnings })
+    let warnings = without("an image", "camera", &silent).into_iter().collect();
+    let cameras = filmed.into_iter().map(|(camera, ..)| camera).collect();
+    Ok(Description { name: folder_name(log), origin, frames, cameras, shots, warnings })
 }
 
 /// The frames of this layout are its sweeps.
@@ -94,11 +86,6 @@ fn no_sweep(folder: &Path) -> DatasetError {
                 .to_string(),
         found: if folder.is_dir() { "a folder without any" } else { "no such folder" }.to_string(),
     }
-}
-
-fn centred(mut pose: DMat4, origin: DVec3) -> DMat4 {
-    pose.w_axis -= origin.extend(0.0);
-    pose
 }
 
 fn camera(calibrated: &Calibrated, image: &Path, options: &LogOptions) -> Result<Camera, DatasetError> {

@@ -15,9 +15,6 @@ use crate::sweep::{Cuboid, RANGE_MAX, Sweep};
 /// Lasers from this number on are of the lower LiDAR.
 const LOWER: f64 = 32.0;
 
-/// Longest time between two sweeps whose boxes are compared for flow, seconds: one may be missing.
-const PAIR_MAX: f64 = 0.25;
-
 /// The sweep of a frame with labels by its boxes. Points are those of the ego vehicle at the time of the frame; its
 /// pose brings them to the city.
 pub(crate) fn read(log: &Path, frame: &Frame, next: Option<&Frame>) -> Result<Sweep, DatasetError> {
@@ -39,13 +36,8 @@ pub(crate) fn read(log: &Path, frame: &Frame, next: Option<&Frame>) -> Result<Sw
     };
     let this = cuboids(log, frame)?;
     if !this.is_empty() {
-        let next = next.filter(|next| next.time - frame.time <= PAIR_MAX);
-        let later = match next {
-            Some(next) => Some((cuboids(log, next)?, next.time - frame.time)),
-            None => None,
-        };
-        let later = later.as_ref().map(|(boxes, interval)| (&boxes[..], *interval));
-        sweep.labels = Some(boxes::labels(&sweep.points, &sweep.sensor, &this, later));
+        let later = || next.map(|next| cuboids(log, next)).transpose();
+        sweep.labels = Some(boxes::labels(&sweep, &this, next.map(|next| next.time - frame.time), later)?);
     }
     Ok(sweep)
 }

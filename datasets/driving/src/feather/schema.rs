@@ -1,15 +1,14 @@
 //! Names and types of the columns of a Feather file.
 
+use gs_base::npy::Number;
+
 use super::flat::Flat;
 
 /// How the values of a column are laid out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// Bytes, signed.
-    Int(usize, bool),
-    F16,
-    F32,
-    F64,
+    Number(Number),
+    /// A bit a value.
     Bool,
     /// Offsets of so many bytes and the bytes of all strings; binary data likewise.
     Text(usize),
@@ -30,10 +29,7 @@ impl Kind {
     /// Bytes of `rows` values; `None` where it does not depend on the rows alone.
     pub fn bytes(self, rows: usize) -> Option<usize> {
         match self {
-            Self::Int(bytes, _) => rows.checked_mul(bytes),
-            Self::F16 => rows.checked_mul(2),
-            Self::F32 => rows.checked_mul(4),
-            Self::F64 => rows.checked_mul(8),
+            Self::Number(number) => rows.checked_mul(number.bytes()),
             Self::Bool => Some(rows.div_ceil(8)),
             Self::Text(_) | Self::Null => None,
         }
@@ -70,31 +66,21 @@ pub(crate) fn fields<'a>(schema: &Flat<'a>) -> Result<Vec<Field<'a>>, String> {
 }
 
 fn kind(field: &Flat<'_>) -> Option<Kind> {
+    let number = |name: &str| Number::parse(name).map(Kind::Number);
     // The numbers of the union `Type` in Arrow's Schema.fbs.
     match field.u8(2) {
         1 => Some(Kind::Null),
         2 => {
-            let bits = field.table(3)?;
-            let bytes = match bits.i32(0) {
-                8 => 1,
-                16 => 2,
-                32 => 4,
-                64 => 8,
-                _ => return None,
-            };
-            Some(Kind::Int(bytes, bits.u8(1) != 0))
+            let described = field.table(3)?;
+            let (bits, sign) = (described.i32(0), if described.u8(1) != 0 { "i" } else { "u" });
+            number(&format!("{sign}{}", bits / 8)).filter(|_| bits % 8 == 0)
         }
-        3 => match field.table(3)?.i16(0) {
-            0 => Some(Kind::F16),
-            1 => Some(Kind::F32),
-            2 => Some(Kind::F64),
-            _ => None,
-        },
+        3 => number(["f2", "f4", "f8"].get(usize::try_from(field.table(3)?.i16(0)).ok()?)?),
         4 | 5 => Some(Kind::Text(4)),
         19 | 20 => Some(Kind::Text(8)),
         6 => Some(Kind::Bool),
         // Time stamps are integers of eight bytes.
-        10 => Some(Kind::Int(8, true)),
+        10 => number("i8"),
         _ => None,
     }
 }

@@ -56,12 +56,10 @@ impl Feather {
 
     /// A column of integers, exact to 64 bits.
     pub fn integers(&self, name: &str) -> Result<Vec<i64>, DatasetError> {
-        self.values(name, |kind, bytes, row| match kind {
-            Kind::Int(..) => integer(kind, bytes, row),
-            _ => None,
-        })
+        self.values(name, |kind, bytes, row| integer(kind, bytes, row).filter(|_| kind != Kind::Bool))
     }
 
+    /// A column by a function of its type, bytes for all rows, and a row.
     fn values<T>(&self, name: &str, value: impl Fn(Kind, &[u8], usize) -> Option<T>) -> Result<Vec<T>, DatasetError> {
         let mut all = Vec::new();
         self.column(name, |kind, batch, first| {
@@ -196,50 +194,16 @@ impl Batch<'_> {
 }
 
 fn integer(kind: Kind, bytes: &[u8], row: usize) -> Option<i64> {
-    Some(match kind {
-        Kind::Int(1, true) => i64::from(*bytes.get(row)? as i8),
-        Kind::Int(1, false) => i64::from(*bytes.get(row)?),
-        Kind::Int(2, true) => i64::from(i16::from_le_bytes(array(bytes, 2 * row)?)),
-        Kind::Int(2, false) => i64::from(u16::from_le_bytes(array(bytes, 2 * row)?)),
-        Kind::Int(4, true) => i64::from(i32::from_le_bytes(array(bytes, 4 * row)?)),
-        Kind::Int(4, false) => i64::from(u32::from_le_bytes(array(bytes, 4 * row)?)),
-        Kind::Int(..) => i64::from_le_bytes(array(bytes, 8 * row)?),
-        Kind::Bool => i64::from(bytes.get(row / 8)? >> (row % 8) & 1),
-        _ => return None,
-    })
+    match kind {
+        Kind::Number(number) if !number.is_float() => Some(number.read_integer(&bytes[number.bytes() * row..])),
+        Kind::Bool => Some(i64::from(bytes[row / 8] >> (row % 8) & 1)),
+        _ => None,
+    }
 }
 
 fn number(kind: Kind, bytes: &[u8], row: usize) -> Option<f64> {
     match kind {
-        Kind::F16 => Some(half(u16::from_le_bytes(array(bytes, 2 * row)?))),
-        Kind::F32 => Some(f64::from(f32::from_le_bytes(array(bytes, 4 * row)?))),
-        Kind::F64 => Some(f64::from_le_bytes(array(bytes, 8 * row)?)),
+        Kind::Number(number) if number.is_float() => Some(number.read(&bytes[number.bytes() * row..])),
         _ => integer(kind, bytes, row).map(|value| value as f64),
-    }
-}
-
-/// The value of a number in half precision (IEEE 754 binary16).
-fn half(bits: u16) -> f64 {
-    let sign = if bits >> 15 == 1 { -1.0 } else { 1.0 };
-    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
-    match exponent {
-        0 => sign * fraction * 2f64.powi(-24),
-        31 if fraction == 0.0 => sign * f64::INFINITY,
-        31 => f64::NAN,
-        _ => sign * (1.0 + fraction / 1024.0) * 2f64.powi(exponent - 15),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn halves_by_hand() {
-        assert_eq!(
-            [0x3c00, 0xc000, 0x3555, 0x0001, 0x7bff].map(half),
-            [1.0, -2.0, 0.333_251_953_125, 2f64.powi(-24), 65504.0]
-        );
-        assert!(half(0x7c00).is_infinite() && half(0x7e00).is_nan());
     }
 }

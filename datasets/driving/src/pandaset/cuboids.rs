@@ -8,9 +8,7 @@ use glam::DVec3;
 use gs_datasets::DatasetError;
 
 use super::names;
-use crate::gzip;
-use crate::pickle::machine::parse;
-use crate::pickle::table::Table;
+use crate::pickle::table::{self, Table};
 use crate::pickle::value::PickleError;
 use crate::sweep::Cuboid;
 
@@ -24,10 +22,7 @@ const SECOND: f64 = 1.0;
 /// LiDAR, because it moved between the two.
 pub(crate) fn read(sequence: &Path, stem: &str, origin: DVec3) -> Result<Option<Vec<Cuboid>>, DatasetError> {
     let Some(path) = names::pickle(&sequence.join(names::CUBOIDS), stem) else { return Ok(None) };
-    let bytes = gzip::read(&path)?;
-    let rows = parse(&bytes).and_then(|tree| rows(&Table::of(&tree)?));
-    let rows = rows.map_err(|error| DatasetError::malformed(&path, error.location, error.expected, error.found))?;
-    Ok(Some(cuboids(&rows, origin)))
+    Ok(Some(cuboids(&table::read(&path, rows)?, origin)))
 }
 
 /// A row of the table.
@@ -43,13 +38,9 @@ struct Row {
 }
 
 fn rows(table: &Table<'_, '_>) -> Result<Vec<Row>, PickleError> {
-    let numbers = |names: [&str; 3]| -> Result<Vec<DVec3>, PickleError> {
-        let [x, y, z] = [table.numbers(names[0])?, table.numbers(names[1])?, table.numbers(names[2])?];
-        Ok(x.iter().zip(&y).zip(&z).map(|((x, y), z)| DVec3::new(*x, *y, *z)).collect())
-    };
     let (uuids, labels, yaws) = (table.texts("uuid")?, table.texts("label")?, table.numbers("yaw")?);
-    let centres = numbers(["position.x", "position.y", "position.z"])?;
-    let sizes = numbers(["dimensions.x", "dimensions.y", "dimensions.z"])?;
+    let centres = table.vectors(["position.x", "position.y", "position.z"])?;
+    let sizes = table.vectors(["dimensions.x", "dimensions.y", "dimensions.z"])?;
     // Both are left out of some re-packed files; without them each box is its object's only one.
     let siblings = table.texts("cuboids.sibling_id").unwrap_or_else(|_| vec![None; table.rows]);
     let sensors = table.numbers("cuboids.sensor_id").unwrap_or_else(|_| vec![-1.0; table.rows]);

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat4, DVec3};
 use gs_base::{agree, counted};
-use gs_datasets::{DatasetError, photo_size, some_names};
+use gs_datasets::{DatasetError, photo_size};
 
 use super::{json, names};
-use crate::description::{Camera, Description, Frame, Shot};
+use crate::description::{Camera, Description, Frame, Shot, centred, folder_name, without};
 use crate::options::LogOptions;
 
 /// A camera as its folder describes it.
@@ -36,9 +36,7 @@ pub(crate) fn describe(folder: &Path, options: &LogOptions) -> Result<Descriptio
             None => {}
         }
     }
-    if !empty.is_empty() {
-        warnings.push(format!("{} without an image: {}", counted(empty.len(), "camera"), some_names(&empty)));
-    }
+    warnings.extend(without("an image", "camera", &empty));
     let mut stems = sweeps.clone();
     filmed.iter().for_each(|camera| stems.extend(camera.images.iter().map(|(index, stem)| (*index, stem.clone()))));
     let Some((first, _)) = stems.first_key_value() else {
@@ -71,24 +69,15 @@ pub(crate) fn describe(folder: &Path, options: &LogOptions) -> Result<Descriptio
     let shots = indices.iter().map(|index| filmed.iter().map(|camera| camera.shot(*index, origin)).collect());
     let silent: Vec<&str> =
         stems.iter().filter(|(index, _)| !sweeps.contains_key(index)).map(|(_, stem)| stem.as_str()).collect();
-    if !silent.is_empty() {
-        warnings.push(format!("{} without a sweep: {}", counted(silent.len(), "frame"), some_names(&silent)));
-    }
-    let name = folder.file_name().map_or_else(|| "log".to_string(), |name| name.to_string_lossy().into_owned());
+    warnings.extend(without("a sweep", "frame", &silent));
     Ok(Description {
-        name,
+        name: folder_name(folder),
         origin,
         frames: frames.collect(),
         shots: shots.collect(),
         cameras: filmed.into_iter().map(|filmed| filmed.camera).collect(),
         warnings,
     })
-}
-
-fn centred(pose: DMat4, origin: DVec3) -> DMat4 {
-    let mut pose = pose;
-    pose.w_axis -= origin.extend(0.0);
-    pose
 }
 
 /// Fails unless the times at these places ascend.

@@ -9,14 +9,9 @@ use gs_datasets::DatasetError;
 use super::{cuboids, names, truth};
 use crate::boxes;
 use crate::description::Frame;
-use crate::gzip;
-use crate::pickle::machine::parse;
-use crate::pickle::table::Table;
+use crate::pickle::table::{self, Table};
 use crate::pickle::value::PickleError;
 use crate::sweep::{RANGE_MAX, Sweep};
-
-/// Longest time between two frames whose boxes are compared for flow, seconds: one frame may be missing.
-const PAIR_MAX: f64 = 0.25;
 
 /// The columns of a sweep.
 struct Rows {
@@ -33,10 +28,7 @@ pub(crate) fn read(sequence: &Path, frame: &Frame, next: Option<&Frame>, origin:
     let missing =
         || DatasetError::read(&folder.join(format!("{}.pkl.gz", frame.name)), std::io::ErrorKind::NotFound.into());
     let path = names::pickle(&folder, &frame.name).ok_or_else(missing)?;
-    let bytes = gzip::read(&path)?;
-    let rows = parse(&bytes).and_then(|tree| rows(&Table::of(&tree)?, frame.time));
-    let rows = rows.map_err(|error| DatasetError::malformed(&path, error.location, error.expected, error.found))?;
-    drop(bytes);
+    let rows = table::read(&path, |table| rows(table, frame.time))?;
     let ego = frame.ego.w_axis.truncate();
     let kept: Vec<usize> = (0..rows.points.len())
         .filter(|index| {
@@ -58,18 +50,13 @@ pub(crate) fn read(sequence: &Path, frame: &Frame, next: Option<&Frame>, origin:
         return Ok(sweep);
     }
     if let Some(boxes) = cuboids::read(sequence, &frame.name, origin)? {
-        let next = next.filter(|next| next.time - frame.time <= PAIR_MAX);
-        let later = match next {
-            Some(next) => cuboids::read(sequence, &next.name, origin)?.map(|boxes| (boxes, next.time - frame.time)),
-            None => None,
-        };
-        let later = later.as_ref().map(|(boxes, interval)| (&boxes[..], *interval));
-        sweep.labels = Some(boxes::labels(&sweep.points, &sweep.sensor, &boxes, later));
+        let later = || next.map_or(Ok(None), |next| cuboids::read(sequence, &next.name, origin));
+        sweep.labels = Some(boxes::labels(&sweep, &boxes, next.map(|next| next.time - frame.time), later)?);
     }
     if let Some(labels) = &mut sweep.labels
         && let Some(path) = names::pickle(&sequence.join(names::SEMSEG), &frame.name)
     {
-        let classes = column(&path, "class")?;
+        let classes = table::read(&path, |table| table.numbers("class"))?;
         if classes.len() != count {
             let expected = format!("{}, as the sweep has", counted(count, "row"));
             return Err(DatasetError::malformed(&path, "the table", expected, classes.len().to_string()));
@@ -79,24 +66,12 @@ pub(crate) fn read(sequence: &Path, frame: &Frame, next: Option<&Frame>, origin:
     Ok(sweep)
 }
 
-/// One column of numbers of a pickled table.
-pub(crate) fn column(path: &Path, name: &str) -> Result<Vec<f64>, DatasetError> {
-    let bytes = gzip::read(path)?;
-    let numbers = parse(&bytes).and_then(|tree| Table::of(&tree)?.numbers(name));
-    numbers.map_err(|error| DatasetError::malformed(path, error.location, error.expected, error.found))
-}
-
 fn rows(table: &Table<'_, '_>, time: f64) -> Result<Rows, PickleError> {
-    let [x, y, z] = [table.numbers("x")?, table.numbers("y")?, table.numbers("z")?];
+    let points = table.vectors(["x", "y", "z"])?;
     // Re-packed files may have positions alone.
     let or = |name: &str, value: f64| match table.cells(name) {
         Some(_) => table.numbers(name),
         None => Ok(vec![value; table.rows]),
     };
-    Ok(Rows {
-        points: x.iter().zip(&y).zip(&z).map(|((x, y), z)| DVec3::new(*x, *y, *z)).collect(),
-        times: or("t", time)?,
-        intensity: or("i", 0.0)?,
-        sensor: or("d", 0.0)?,
-    })
+    Ok(Rows { points, times: or("t", time)?, intensity: or("i", 0.0)?, sensor: or("d", 0.0)? })
 }

@@ -13,9 +13,7 @@ use gs_base::counted;
 use gs_datasets::DatasetError;
 
 use super::names;
-use crate::gzip;
-use crate::pickle::machine::parse;
-use crate::pickle::table::Table;
+use crate::pickle::table::{self, Table};
 use crate::pickle::value::PickleError;
 use crate::sweep::{Labels, ObjectClass};
 
@@ -30,10 +28,7 @@ pub fn track(instance: u32) -> String {
 /// The labels of the points in `kept` of a sweep with `count` rows; `None` where there is no file.
 pub(crate) fn read(sequence: &Path, stem: &str, count: usize, kept: &[usize]) -> Result<Option<Labels>, DatasetError> {
     let Some(path) = names::pickle(&sequence.join(names::TRUTH_POINTS), stem) else { return Ok(None) };
-    let bytes = gzip::read(&path)?;
-    let columns = parse(&bytes).and_then(|tree| columns(&Table::of(&tree)?));
-    let columns =
-        columns.map_err(|error| DatasetError::malformed(&path, error.location, error.expected, error.found))?;
+    let columns = table::read(&path, columns)?;
     if columns[0].len() != count {
         let expected = format!("{}, as the sweep has", counted(count, "row"));
         return Err(DatasetError::malformed(&path, "the table", expected, columns[0].len().to_string()));

@@ -31,7 +31,7 @@ struct Machine<'a> {
     stack: Vec<Id>,
     /// Heights of the stack at open marks.
     marks: Vec<usize>,
-    memo: HashMap<u32, Id>,
+    memo: HashMap<usize, Id>,
 }
 
 impl<'a> Machine<'a> {
@@ -45,15 +45,13 @@ impl<'a> Machine<'a> {
             b'(' => self.marks.push(self.stack.len()),
             b'0' => drop(self.pop()?),
             b'1' => drop(self.pop_mark()?),
-            b'q' => self.memoize(u32::from(self.bytes.get(self.at).copied().unwrap_or(0)), 1)?,
-            b'r' => self.memoize(self.peek_u32(), 4)?,
-            0x94 => self.memoize(self.memo.len() as u32, 0)?,
-            b'h' => {
-                let key = u32::from(self.take(1)?[0]);
-                self.recall(key)?;
+            b'q' | b'r' => {
+                let key = self.length(if opcode == b'q' { 1 } else { 4 })?;
+                self.memoize(key)?;
             }
-            b'j' => {
-                let key = self.u32()?;
+            0x94 => self.memoize(self.memo.len())?,
+            b'h' | b'j' => {
+                let key = self.length(if opcode == b'h' { 1 } else { 4 })?;
                 self.recall(key)?;
             }
             b'c' | 0x93 => self.global(opcode)?,
@@ -74,29 +72,24 @@ impl<'a> Machine<'a> {
             b'N' => Value::None,
             0x88 => Value::Bool(true),
             0x89 => Value::Bool(false),
-            b'J' => Value::Int(i64::from(self.u32()? as i32)),
-            b'K' => Value::Int(i64::from(self.take(1)?[0])),
+            b'J' => Value::Int(i64::from(self.length(4)? as i32)),
+            b'K' => Value::Int(self.length(1)? as i64),
             b'M' => Value::Int(self.length(2)? as i64),
             0x8a => self.long()?,
             b'G' => {
                 let bytes = self.take(8)?;
                 Value::Float(f64::from_be_bytes(std::array::from_fn(|i| bytes[i])))
             }
-            0x8c | b'X' | 0x8d => {
+            0x8c | b'X' | 0x8d | b'C' | b'B' | 0x8e | 0x96 => {
                 let count = self.length(match opcode {
-                    0x8c => 1,
-                    b'X' => 4,
+                    0x8c | b'C' => 1,
+                    b'X' | b'B' => 4,
                     _ => 8,
                 })?;
-                Value::Text(self.text(count)?)
-            }
-            b'C' | b'B' | 0x8e | 0x96 => {
-                let count = self.length(match opcode {
-                    b'C' => 1,
-                    b'B' => 4,
-                    _ => 8,
-                })?;
-                Value::Bytes(self.take(count)?)
+                match opcode {
+                    0x8c | b'X' | 0x8d => Value::Text(self.text(count)?),
+                    _ => Value::Bytes(self.take(count)?),
+                }
             }
             b')' => Value::Tuple(Vec::new()),
             b']' => Value::List(Vec::new()),
@@ -111,12 +104,8 @@ impl<'a> Machine<'a> {
     /// Tuples, and additions to lists and dictionaries.
     fn collect(&mut self, opcode: u8) -> Result<(), PickleError> {
         match opcode {
-            b't' => {
-                let items = self.pop_mark()?;
-                self.push(Value::Tuple(items));
-            }
-            0x85..=0x87 => {
-                let items = self.pop_many(usize::from(opcode - 0x84))?;
+            b't' | 0x85..=0x87 => {
+                let items = if opcode == b't' { self.pop_mark()? } else { self.pop_many(usize::from(opcode - 0x84))? };
                 self.push(Value::Tuple(items));
             }
             b'a' | b'e' => {
@@ -177,14 +166,13 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    fn memoize(&mut self, key: u32, bytes: usize) -> Result<(), PickleError> {
-        self.take(bytes)?;
+    fn memoize(&mut self, key: usize) -> Result<(), PickleError> {
         let Some(id) = self.stack.last() else { return Err(self.wrong("a value to remember", "an empty stack")) };
         self.memo.insert(key, *id);
         Ok(())
     }
 
-    fn recall(&mut self, key: u32) -> Result<(), PickleError> {
+    fn recall(&mut self, key: usize) -> Result<(), PickleError> {
         let Some(id) = self.memo.get(&key) else {
             return Err(self.wrong("a remembered value", format!("number {key}, which was never remembered")));
         };
@@ -232,15 +220,6 @@ impl<'a> Machine<'a> {
         }
         self.at += count;
         Ok(&rest[..count])
-    }
-
-    fn peek_u32(&self) -> u32 {
-        self.bytes.get(self.at..self.at + 4).map_or(0, |bytes| u32::from_le_bytes(std::array::from_fn(|i| bytes[i])))
-    }
-
-    fn u32(&mut self) -> Result<u32, PickleError> {
-        let bytes = self.take(4)?;
-        Ok(u32::from_le_bytes(std::array::from_fn(|i| bytes[i])))
     }
 
     /// An unsigned number of `bytes` bytes; numbers beyond any length become one that no file has.

@@ -1,7 +1,14 @@
 //! A pandas table in a [`Tree`]: columns by name.
 
+use std::path::Path;
+
+use glam::DVec3;
+use gs_datasets::DatasetError;
+
 use super::array::{Array, Cell, Kind};
+use super::machine::parse;
 use super::value::{Global, Id, PickleError, Tree, Value};
+use crate::gzip;
 
 /// Most blocks and columns; pandas keeps one block a type, and the widest table of PandaSet has 17 columns.
 const COLUMNS_MAX: usize = 4096;
@@ -20,6 +27,16 @@ pub(crate) struct Table<'t, 'b> {
     blocks: Vec<Block<'t>>,
     /// Rows of every column.
     pub rows: usize,
+}
+
+/// The contents of the table in a file, as `contents` reads them.
+pub(crate) fn read<T>(
+    path: &Path,
+    contents: impl FnOnce(&Table<'_, '_>) -> Result<T, PickleError>,
+) -> Result<T, DatasetError> {
+    let bytes = gzip::read(path)?;
+    let found = parse(&bytes).and_then(|tree| contents(&Table::of(&tree)?));
+    found.map_err(|error| DatasetError::malformed(path, error.location, error.expected, error.found))
 }
 
 impl<'t, 'b> Table<'t, 'b> {
@@ -69,6 +86,15 @@ impl<'t, 'b> Table<'t, 'b> {
                 _ => Err(PickleError::new(format!("column {name:?}"), "numbers", "something else")),
             })
             .collect()
+    }
+
+    /// Three columns of numbers as vectors.
+    ///
+    /// # Errors
+    /// As [`numbers`](Self::numbers).
+    pub fn vectors(&self, names: [&str; 3]) -> Result<Vec<DVec3>, PickleError> {
+        let [x, y, z] = [self.numbers(names[0])?, self.numbers(names[1])?, self.numbers(names[2])?];
+        Ok((0..self.rows).map(|i| DVec3::new(x[i], y[i], z[i])).collect())
     }
 
     /// A column of texts; `None` where one is missing.

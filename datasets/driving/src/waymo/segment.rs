@@ -13,12 +13,9 @@ use super::parts::{BoxPart, CAMERAS, FramePart, LABELS, LASERS, Parts, Scan, nam
 use super::range::{Points, seconds};
 use super::record::Records;
 use crate::boxes;
-use crate::description::{Description, Frame, Shot};
+use crate::description::{Description, Frame, Shot, centred, without};
 use crate::options::LogOptions;
 use crate::sweep::{Cuboid, ObjectClass, Sweep};
-
-/// Longest time between two frames whose boxes are compared for flow, seconds: one may be missing.
-const PAIR_MAX: f64 = 0.25;
 
 /// Where a segment is read from.
 #[derive(Debug)]
@@ -96,28 +93,20 @@ impl Segment {
             cameras.push(camera);
             self.cameras.push((*number, lens));
         }
-        if !silent.is_empty() {
-            warnings.push(format!("{} without an image: {}", counted(silent.len(), "camera"), some_names(&silent)));
-        }
+        warnings.extend(without("an image", "camera", &silent));
         let dark: Vec<String> =
             self.parts.frames.iter().filter(|frame| !frame.has_sweep).map(|frame| frame.stamp.to_string()).collect();
-        if !dark.is_empty() {
-            warnings.push(format!("{} without a sweep: {}", counted(dark.len(), "frame"), some_names(&dark)));
-        }
-        let centred = |mut pose: DMat4| {
-            pose.w_axis -= origin.extend(0.0);
-            pose
-        };
+        warnings.extend(without("a sweep", "frame", &dark));
         let shot = |frame: &FramePart, number: &i64| {
             let image = frame.images.get(number)?;
-            let c2w = centred(image.pose * self.parts.cameras.get(number)?.extrinsic * OPENCV);
+            let c2w = centred(image.pose * self.parts.cameras.get(number)?.extrinsic * OPENCV, origin);
             Some(Shot { time: image.time, c2w, image: Some(images.clone()) })
         };
         let frames = self.parts.frames.iter().map(|frame| Frame {
             name: frame.stamp.to_string(),
             time: seconds(frame.stamp),
             has_sweep: frame.has_sweep,
-            ego: centred(frame.pose),
+            ego: centred(frame.pose, origin),
         });
         let shots =
             self.parts.frames.iter().map(|frame| self.cameras.iter().map(|(number, _)| shot(frame, number)).collect());
@@ -171,13 +160,7 @@ impl Segment {
             let next = self.parts.frames.get(frame + 1);
             // Seconds since 1970 would leave six digits of the difference.
             let interval = next.map(|next| seconds(next.stamp.saturating_sub(this.stamp)));
-            let interval = interval.filter(|time| *time <= PAIR_MAX);
-            let later = match interval {
-                Some(interval) => Some((self.cuboids(frame + 1, origin)?, interval)),
-                None => None,
-            };
-            let later = later.as_ref().map(|(boxes, interval)| (&boxes[..], *interval));
-            let mut labels = boxes::labels(&sweep.points, &sweep.sensor, &boxes, later);
+            let mut labels = boxes::labels(&sweep, &boxes, interval, || self.cuboids(frame + 1, origin).map(Some))?;
             // Nobody has looked for objects there.
             for (index, _) in unlabelled.iter().enumerate().filter(|(_, unlabelled)| **unlabelled) {
                 if labels.class[index] == ObjectClass::Background && labels.instance[index] == 0 {
@@ -201,8 +184,7 @@ impl Segment {
             Source::Modular(source) => source.boxes(this.stamp)?,
             Source::Records(source) => source.boxes(frame)?,
         };
-        let mut ego = this.pose;
-        ego.w_axis -= origin.extend(0.0);
+        let ego = centred(this.pose, origin);
         Ok(boxes.into_iter().filter(is_sound).map(|part| cuboid(part, &ego)).collect())
     }
 }

@@ -19,10 +19,8 @@ use std::path::{Path, PathBuf};
 use gs_driving::truth_image;
 use gs_driving::{LogOptions, check};
 use gs_worlds::driving::{StreetOptions, write};
-use proptest::prelude::*;
-use proptest::test_runner::{Config, TestCaseError, TestRunner};
 
-use crate::bounded::bounded;
+use crate::bounded::{asked, kept, run, steps};
 use crate::mutate::damaged;
 
 /// Cases for each layout with all other tests.
@@ -54,8 +52,9 @@ fn street(folder: &Path, compressed: bool) {
     write(folder, &options, |_, _| {}).expect("written");
 }
 
-fn argoverse(folder: &Path) {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/argoverse");
+/// Copies a small log that is kept as it is.
+fn fixture(name: &str, folder: &Path) {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures").join(name);
     let mut all = Vec::new();
     files(&source, &mut all);
     for path in all {
@@ -72,21 +71,12 @@ fn fuzz(folder: &Path, cases: u32) {
     all.sort();
     let whole: Vec<Vec<u8>> = all.iter().map(|path| fs::read(path).expect("read")).collect();
     assert!(check(folder, &LogOptions::default(), None).is_ok(), "the seed itself is sound");
-    let step = (any::<u8>(), any::<u32>(), any::<u64>());
-    let strategy = (0..all.len(), proptest::collection::vec(step, 1..6));
-    let mut runner = TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
-    let outcome = runner.run(&strategy, |(file, steps)| {
+    run("a log", cases, (0..all.len(), steps()), |(file, steps)| {
         fs::write(&all[file], damaged(&whole[file], &steps)).expect("written");
-        let kept = std::panic::catch_unwind(|| bounded(|| examine(folder)));
+        let kept = kept(&all[file].display().to_string(), || examine(folder));
         fs::write(&all[file], &whole[file]).expect("written");
-        kept.map_err(|panic| {
-            let text = panic.downcast_ref::<String>().cloned().unwrap_or_else(|| "a panic".to_string());
-            TestCaseError::fail(format!("{}: {text}", all[file].display()))
-        })
+        kept
     });
-    if let Err(error) = outcome {
-        panic!("{error}");
-    }
 }
 
 fn examine(folder: &Path) {
@@ -105,7 +95,7 @@ fn both(cases: u32) {
         match layout {
             0 => street(folder.path(), false),
             1 => street(folder.path(), true),
-            _ => argoverse(folder.path()),
+            _ => fixture("argoverse", folder.path()),
         }
         fuzz(folder.path(), cases);
     }
@@ -119,5 +109,5 @@ fn damaged_logs() {
 #[test]
 #[ignore = "as long as wanted: GS_FUZZ_CASES cases for each layout"]
 fn damaged_logs_for_long() {
-    both(std::env::var("GS_FUZZ_CASES").map_or(LONG, |text| text.parse().expect("GS_FUZZ_CASES is a number")));
+    both(asked(LONG));
 }

@@ -27,14 +27,14 @@ use rand_chacha::ChaCha8Rng;
 
 use modular::{NAME, Style};
 
-use crate::bounded::bounded;
+use crate::bounded::{asked, bounded};
 use crate::mutate::{Step, damaged};
 
 /// Cases for each layout with all other tests.
 const SHORT: usize = 1000;
 
 /// Cases for each layout when no number is given.
-const LONG: usize = 50_000;
+const LONG: u32 = 50_000;
 
 /// Opens a segment and reads a frame. The sentences of all that is wrong.
 fn examine(path: &Path) -> Vec<String> {
@@ -93,11 +93,7 @@ fn modular_cases(count: usize) {
     }
     // Packed pages, of another writer.
     let folder = tempfile::tempdir().expect("a folder");
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/waymo");
-    for (from, to) in files(&source).into_iter().zip(files(folder.path())) {
-        fs::create_dir_all(to.parent().expect("a folder")).expect("a folder");
-        fs::copy(from, to).expect("copied");
-    }
+    crate::fixture("waymo", folder.path());
     share_of_files(count, folder.path());
 }
 
@@ -159,7 +155,7 @@ fn damaged_records() {
 #[test]
 #[ignore = "as long as wanted: GS_FUZZ_CASES cases for each layout"]
 fn damaged_for_long() {
-    let count = std::env::var("GS_FUZZ_CASES").map_or(LONG, |text| text.parse().expect("GS_FUZZ_CASES is a number"));
+    let count = asked(LONG) as usize;
     modular_cases(count);
     record_cases(count);
 }

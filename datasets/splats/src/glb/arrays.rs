@@ -1,5 +1,6 @@
 //! Arrays of a file: accessors of one buffer, as they are written and as they are found.
 
+use gs_base::npy::Number;
 use serde_json::{Value, json};
 
 use super::json::{at, index, index_or_0};
@@ -52,24 +53,22 @@ impl Accessors<'_> {
         let found = self.described(accessor, kind)?;
         let is_normalised = found.get("normalized").and_then(Value::as_bool) == Some(true);
         let component = component_of(found);
-        let (size, most) = match component {
-            FLOAT => (4, 1.0),
-            BYTE => (1, 127.0),
-            UNSIGNED_BYTE => (1, 255.0),
-            SHORT => (2, 32_767.0),
-            UNSIGNED_SHORT => (2, 65_535.0),
+        let (name, most) = match component {
+            FLOAT => ("f4", 1.0),
+            BYTE => ("i1", 127.0),
+            UNSIGNED_BYTE => ("u1", 255.0),
+            SHORT => ("i2", 32_767.0),
+            UNSIGNED_SHORT => ("u2", 65_535.0),
             _ => return Err(format!("accessor {accessor}: expected floats, bytes or shorts, found type {component}")),
         };
+        let number = Number::parse(name).expect("a number type");
         let unit = if is_normalised && component != FLOAT { 1.0 / most } else { 1.0 };
-        let number = |b: &[u8]| match component {
-            FLOAT => f32::from_le_bytes(std::array::from_fn(|k| b[k])),
-            BYTE => f32::from(b[0] as i8),
-            UNSIGNED_BYTE => f32::from(b[0]),
-            SHORT => f32::from(i16::from_le_bytes([b[0], b[1]])),
-            _ => f32::from(u16::from_le_bytes([b[0], b[1]])),
+        let value = |b: &[u8]| {
+            let value = number.read(b) as f32;
+            // The least whole number with a sign is a step below -1.
+            if unit == 1.0 { value } else { (value * unit).max(-1.0) }
         };
-        // The least whole number with a sign is a step below -1.
-        let value = |b: &[u8]| if unit == 1.0 { number(b) } else { (number(b) * unit).max(-1.0) };
+        let size = number.bytes();
         self.array(accessor, found, D * size, |bytes| std::array::from_fn(|i| value(&bytes[i * size..])))
     }
 

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::arrays::{Accessors, Arrays};
 use super::json::{at, index, list, number};
 use super::{MOTION, MOTION_VERSION};
-use crate::splats::unit;
+use crate::splats::unit_xyzw;
 use crate::{Beyond, Keys, Law, Motion, Series, SeriesLaw, Shape, TimeFunction};
 
 /// Most time functions of a series: a polynomial of order 8, 40 kinks and a remainder are far below.
@@ -33,14 +33,10 @@ pub(super) fn to_json(motion: &Motion, arrays: &mut Arrays) -> Value {
             }
         }
         Law::Keys(keys) => {
-            let rotations = keys.quats.iter().map(|q| {
-                let [w, x, y, z] = unit(*q);
-                [x, y, z, w].map(|x| x as f32)
-            });
             value["keys"] = json!({
                 "times": keys.times,
                 "positions": arrays.floats(keys.means.iter().copied()),
-                "rotations": arrays.floats(rotations),
+                "rotations": arrays.floats(keys.quats.iter().map(|q| unit_xyzw(*q))),
             });
             if !keys.log_scales.is_empty() {
                 value["keys"]["scales"] = arrays.floats(keys.log_scales.iter().map(|s| s.map(f32::exp))).into();

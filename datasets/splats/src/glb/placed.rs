@@ -9,7 +9,7 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 use super::primitive::SIZE_LEAST;
 use crate::sh_rotation::BandTurn;
 use crate::splats::unit;
-use crate::turn::{quaternion, turn_quaternion, turn_vector, turned_law};
+use crate::turn::{moved, quaternion, turn_quaternion, turn_vector, turned_law};
 use crate::{Law, Motion, Splats};
 
 /// A map is a rotation and one scale up to this difference of an entry: quaternions and matrices are written with seven
@@ -100,9 +100,7 @@ impl Place {
                 law.rotation.vectors.iter_mut().flatten().for_each(|x| *x *= own);
             }
             Law::Keys(keys) => {
-                let moved =
-                    |mean: [f32; 3]| (DVec3::from_array(mean.map(f64::from)) + shift).to_array().map(|x| x as f32);
-                keys.means.iter_mut().for_each(|mean| *mean = moved(*mean));
+                keys.means.iter_mut().for_each(|mean| *mean = moved(*mean, shift));
                 keys.log_scales.iter_mut().flatten().for_each(|s| *s += self.scale.ln() as f32);
             }
         }

@@ -13,7 +13,7 @@ use super::nodes::{Shown, shown};
 use super::placed::Place;
 use super::{BIN_CHUNK, JSON_CHUNK, MAGIC, MOTION, SPLATS, motion, primitive};
 use crate::bounded::Bytes;
-use crate::turn::{flip, flip_motion};
+use crate::turn::{flip, flip_motion, moved};
 use crate::{COUNT_MAX, FILE_MAX, Law, Motion, Splats};
 
 /// The content of a file.
@@ -170,9 +170,8 @@ impl Merged {
         let mut motion = self.motion;
         if let Some(Motion { law: Law::Keys(keys), .. }) = &mut motion {
             // Key frames are where the Gaussians are.
-            let moved = hint - DVec3::from_array(offset);
-            let local = |mean: [f32; 3]| (DVec3::from_array(mean.map(f64::from)) + moved).to_array().map(|x| x as f32);
-            keys.means.iter_mut().for_each(|mean| *mean = local(*mean));
+            let shift = hint - DVec3::from_array(offset);
+            keys.means.iter_mut().for_each(|mean| *mean = moved(*mean, shift));
         }
         motion.as_ref().map_or(Ok(()), |motion| motion.check(splats.len()))?;
         Ok(Contents { splats: flip(&splats), motion: motion.as_ref().map(flip_motion), linear })

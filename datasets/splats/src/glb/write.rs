@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use super::arrays::Arrays;
 use super::{BIN_CHUNK, JSON_CHUNK, MAGIC, MOTION, SPLATS, harmonic_name, motion};
-use crate::splats::{sigmoid, unit};
+use crate::splats::{sigmoid, unit_xyzw};
 use crate::turn::{flip, flip_motion};
 use crate::{MARK, Motion, Splats};
 
@@ -71,11 +71,7 @@ fn attributes(splats: &Splats, arrays: &mut Arrays, linear: bool) -> Value {
     arrays.accessors[position]["min"] = json!(corner(f32::INFINITY, f32::min));
     arrays.accessors[position]["max"] = json!(corner(f32::NEG_INFINITY, f32::max));
     set("POSITION".into(), position);
-    let rotation = |q: &[f32; 4]| {
-        let [w, x, y, z] = unit(*q);
-        [x, y, z, w].map(|x| x as f32)
-    };
-    set(format!("{SPLATS}:ROTATION"), arrays.floats(splats.quats.iter().map(rotation)));
+    set(format!("{SPLATS}:ROTATION"), arrays.floats(splats.quats.iter().map(|q| unit_xyzw(*q))));
     set(format!("{SPLATS}:SCALE"), arrays.floats(splats.log_scales.iter().map(|s| s.map(f32::exp))));
     let opacity = |logit: &f32| sigmoid(*logit) as f32;
     set(format!("{SPLATS}:OPACITY"), arrays.floats(splats.opacity_logits.iter().map(|x| [opacity(x)])));

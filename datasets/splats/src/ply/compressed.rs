@@ -10,7 +10,8 @@ use std::f64::consts::SQRT_2;
 use std::io::{self, Read};
 
 use gs_base::FileError;
-use gs_base::ply::{Element, Encoding, Header, Scalar};
+use gs_base::npy::Number;
+use gs_base::ply::{Element, Encoding, Header};
 
 use super::source::{Records, Source, cut, missing, not_finite, too_many};
 use super::{REST_KEPT, REST_PER_CHANNEL};
@@ -125,31 +126,21 @@ impl Table {
     fn read(source: &mut Source, element: &Element, names: &[String]) -> Result<Self, FileError> {
         let path = source.path.clone();
         let io = |error| FileError::read(&path, error);
-        let mut offset = 0;
-        let mut offsets: Vec<(&str, usize, Scalar)> = Vec::new();
-        for property in &element.properties {
-            let Some(scalar) = property.scalar else { continue };
-            offsets.push((&property.name, offset, scalar));
-            offset += scalar.size();
-        }
-        let column = |name: &String| {
-            let found = offsets.iter().find(|(known, ..)| known == name);
-            found.copied().ok_or_else(|| missing(&path, name))
-        };
+        let stride = element.stride().unwrap_or_default();
+        let column = |name: &String| element.column(name).ok_or_else(|| missing(&path, name));
         let columns = names.iter().map(column).collect::<Result<Vec<_>, _>>()?;
         let mut table = Self { values: Vec::new(), columns: columns.len() };
         let room = table.values.try_reserve_exact(element.count as usize * columns.len());
         room.map_err(|error| io(io::Error::other(error)))?;
-        let mut record = vec![0; offset];
+        let mut record = vec![0; stride];
         if columns.is_empty() {
             // Jumped over and not read: they may be terabytes.
-            source.file.seek_relative((element.count * offset as u64) as i64).map_err(io)?;
+            source.file.seek_relative((element.count * stride as u64) as i64).map_err(io)?;
             return Ok(table);
         }
         for _ in 0..element.count {
             source.file.read_exact(&mut record).map_err(io)?;
-            let value =
-                |(_, offset, scalar): &(&str, usize, Scalar)| scalar.decode(&record[*offset..], source.header.encoding);
+            let value = |(_, offset, scalar): &(usize, usize, Number)| scalar.read(&record[*offset..]);
             table.values.extend(columns.iter().map(value));
         }
         Ok(table)

@@ -5,7 +5,8 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use gs_base::local::localised;
-use gs_base::ply::{Element, Encoding, Header, Scalar, start_of};
+use gs_base::npy::Number;
+use gs_base::ply::{Element, Encoding, Header, start_of};
 use gs_base::{FileError, printable};
 
 use super::source::{Records, Source, cut, degree, missing, not_finite, too_many};
@@ -57,7 +58,7 @@ struct Column {
     index: usize,
     /// Bytes before it in a binary vertex.
     offset: usize,
-    scalar: Scalar,
+    scalar: Number,
 }
 
 /// The first vertex with a value that is none, and how many there are.
@@ -100,9 +101,9 @@ impl Reader {
     fn read(mut self) -> Result<Records, FileError> {
         match self.header.encoding {
             Encoding::Ascii => self.read_text(),
-            encoding => {
+            _ => {
                 self.skip_binary()?;
-                self.read_binary(encoding)
+                self.read_binary()
             }
         }
     }
@@ -146,7 +147,7 @@ impl Reader {
         Ok(())
     }
 
-    fn read_binary(&mut self, encoding: Encoding) -> Result<Records, FileError> {
+    fn read_binary(&mut self) -> Result<Records, FileError> {
         let stride = self.element().stride().expect("a vertex without lists");
         let count = self.check_length(self.start, stride as u64)?;
         let mut records = self.room(count)?;
@@ -156,7 +157,7 @@ impl Reader {
         for vertex in 0..count {
             self.file.read_exact(&mut bytes).map_err(|source| self.io(source))?;
             for (value, column) in record.iter_mut().zip(&self.columns) {
-                *value = column.scalar.decode(&bytes[column.offset..], encoding);
+                *value = column.scalar.read(&bytes[column.offset..]);
             }
             self.keep(&mut record, vertex, &mut records, &mut broken);
         }
@@ -269,19 +270,9 @@ fn rest_per_channel(element: &Element) -> Result<usize, String> {
 }
 
 fn columns(path: &Path, element: &Element, rest: usize) -> Result<Vec<Column>, FileError> {
-    let mut offsets = Vec::new();
-    let mut offset = 0;
-    for property in &element.properties {
-        offsets.push(offset);
-        offset += property.scalar.map_or(0, Scalar::size);
-    }
-    let column = |name: String| {
-        let index = element.properties.iter().position(|property| property.name == name);
-        let found = index.and_then(|index| Some((index, element.properties[index].scalar?)));
-        match found {
-            Some((index, scalar)) => Ok(Column { name, index, offset: offsets[index], scalar }),
-            None => Err(missing(path, &name)),
-        }
+    let column = |name: String| match element.column(&name) {
+        Some((index, offset, scalar)) => Ok(Column { name, index, offset, scalar }),
+        None => Err(missing(path, &name)),
     };
     record_names(rest).into_iter().map(column).collect()
 }

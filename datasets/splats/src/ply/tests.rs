@@ -5,17 +5,32 @@ use super::*;
 use crate::Splats;
 use crate::splats::testing::random;
 
-/// Five Gaussians and a folder to write them to.
-fn scene(degree: usize) -> (Splats, tempfile::TempDir) {
-    (random(5, degree, 30), tempfile::tempdir().unwrap())
+mod formats;
+
+/// A place for a scene, in a folder that disappears.
+fn place() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.ply");
+    (folder, path)
+}
+
+/// Five Gaussians and a place for them.
+fn scene(degree: usize) -> (Splats, tempfile::TempDir, PathBuf) {
+    let (folder, path) = place();
+    (random(5, degree, 30), folder, path)
 }
 
 /// Bytes of a written scene of degree 1, for tampering.
 fn written() -> (Vec<u8>, tempfile::TempDir, PathBuf) {
-    let (splats, folder) = scene(1);
-    let path = folder.path().join("scene.ply");
+    let (splats, folder, path) = scene(1);
     write(&path, &splats).unwrap();
     (fs::read(&path).unwrap(), folder, path)
+}
+
+/// The file with a part of its header replaced.
+fn with(bytes: &[u8], from: &str, to: &str) -> Vec<u8> {
+    let (header, data) = bytes.split_at(header_len(bytes));
+    [String::from_utf8_lossy(header).replacen(from, to, 1).as_bytes(), data].concat()
 }
 
 fn header_len(bytes: &[u8]) -> usize {
@@ -33,8 +48,7 @@ fn assert_refused(path: &std::path::Path, bytes: &[u8], message: &str) {
 #[test]
 fn a_scene_comes_back() {
     for degree in 0..=3 {
-        let (splats, folder) = scene(degree);
-        let path = folder.path().join("scene.ply");
+        let (splats, folder, path) = scene(degree);
         write(&path, &splats).unwrap();
         let back = read(&path).unwrap();
         assert_eq!((&back.splats, back.sh_degree), (&splats, degree));
@@ -86,9 +100,8 @@ fn any_encoding_and_order_is_read() {
         [header("binary_little_endian").into_bytes(), binary(f64::to_le_bytes)].concat(),
         [header("binary_big_endian").into_bytes(), binary(f64::to_be_bytes)].concat(),
     ];
-    let folder = tempfile::tempdir().unwrap();
+    let (_folder, path) = place();
     for bytes in files {
-        let path = folder.path().join("scene.ply");
         fs::write(&path, bytes).unwrap();
         let scene = read(&path).unwrap().splats;
         assert_eq!(scene.means, [[0.5, 0.75, 1.0], [4.25, 4.5, 4.75]]);
@@ -111,9 +124,7 @@ fn cut_files_are_refused_at_every_length() {
 #[test]
 fn bad_headers_are_refused() {
     let (bytes, _folder, path) = written();
-    let len = header_len(&bytes);
-    let header = String::from_utf8_lossy(&bytes[..len]).into_owned();
-    let with = |from: &str, to: &str| [header.replacen(from, to, 1).into_bytes(), bytes[len..].to_vec()].concat();
+    let with = |from: &str, to: &str| with(&bytes, from, to);
     assert_refused(&path, &with("ply", "obj"), "which begins with `ply`");
     assert_refused(&path, &with("vertex 5", "vertex 18446744073709551615"), "expected at least");
     assert_refused(&path, &with("vertex 5", "vertex 4000000000"), "expected at least");
@@ -153,7 +164,7 @@ fn values_that_are_not_finite_are_refused() {
 
 #[test]
 fn a_missing_folder_is_named_and_made() {
-    let (splats, folder) = scene(0);
+    let (splats, folder, _) = scene(0);
     let path = folder.path().join("missing").join("scene.ply");
     let error = read(&path).unwrap_err().to_string();
     assert!(error.contains("missing"), "{error}");
@@ -163,8 +174,7 @@ fn a_missing_folder_is_named_and_made() {
 
 #[test]
 fn an_empty_scene_comes_back() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("scene.ply");
+    let (_folder, path) = place();
     write(&path, &random(0, 2, 32)).unwrap();
     assert_eq!(read(&path).unwrap().splats, random(0, 2, 32));
 }
@@ -181,8 +191,7 @@ fn header_of_degree(degree: usize) -> String {
 
 #[test]
 fn a_degree_that_is_not_supported_is_named() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("scene.ply");
+    let (_folder, path) = place();
     for degree in 0..=3 {
         fs::write(&path, header_of_degree(degree)).unwrap();
         assert_eq!(read(&path).unwrap().splats.degree, degree);
@@ -233,8 +242,7 @@ fn what_is_no_file_is_refused_at_once() {
 /// A sparse file is as long as a header likes, and takes no room.
 #[test]
 fn a_count_is_bounded_however_long_the_file_is() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("scene.ply");
+    let (_folder, path) = place();
     for format in ["binary_little_endian", "ascii"] {
         let header = header_of_degree(3).replace("vertex 0", "vertex 20000000000");
         fs::write(&path, header.replace("binary_little_endian", format)).unwrap();
@@ -247,8 +255,7 @@ fn a_count_is_bounded_however_long_the_file_is() {
 /// Doubles in map coordinates keep their millimetres: positions are local, with an offset of whole units.
 #[test]
 fn far_doubles_become_local() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("scene.ply");
+    let (_folder, path) = place();
     let header = header_of_degree(0).replace("vertex 0", "vertex 3").replace("binary_little_endian", "ascii");
     let header =
         ["x", "y", "z"].iter().fold(header, |text, a| text.replace(&format!("float {a}\n"), &format!("double {a}\n")));
@@ -267,8 +274,7 @@ fn far_doubles_become_local() {
 /// The comment comes back to the last digit, beside positions that stay as they were; the length is that of the file.
 #[test]
 fn an_offset_is_written_and_read() {
-    let (splats, folder) = scene(1);
-    let path = folder.path().join("scene.ply");
+    let (splats, _folder, path) = scene(1);
     let offset = [450_123.123_456_789, -5_200_456.1, 1.0 / 3.0];
     for offset in [offset, [0.0; 3]] {
         let splats = Splats { offset, antialiased: Some(true), ..splats.clone() };
@@ -283,12 +289,7 @@ fn an_offset_is_written_and_read() {
         );
     }
     let (bytes, _folder, _) = written();
-    let with = |line: &str| {
-        let text = format!("comment {line}\nelement vertex");
-        let len = header_len(&bytes);
-        let header = String::from_utf8_lossy(&bytes[..len]).replacen("element vertex", &text, 1);
-        [header.into_bytes(), bytes[len..].to_vec()].concat()
-    };
+    let with = |line: &str| with(&bytes, "element vertex", &format!("comment {line}\nelement vertex"));
     for wrong in
         ["SplatOffset: 1 2", "SplatOffset: 1 2 x", "SplatOffset: nan 0 0", "SplatOffset: 0 0 1e16", "SplatOffset:"]
     {

@@ -10,10 +10,8 @@ use std::fs;
 
 use gs_splats::Splats;
 use gs_splats::ply::{read, write};
-use proptest::prelude::*;
-use proptest::test_runner::{Config, TestCaseError, TestRunner};
 
-use crate::bounded::bounded;
+use crate::bounded::{asked, kept, run, steps};
 use crate::mutate::damaged;
 
 /// Cases for each encoding with all other tests.
@@ -21,9 +19,6 @@ const SHORT: u32 = 64;
 
 /// Cases for each encoding when no number is given.
 const LONG: u32 = 20_000;
-
-/// The variable with the number of cases of the long run.
-const CASES: &str = "GS_FUZZ_CASES";
 
 /// Three Gaussians as this crate writes them, far from their world's origin, and the same in the two other encodings.
 fn seeds() -> [Vec<u8>; 3] {
@@ -64,18 +59,10 @@ fn fuzz(cases: u32) {
     for (encoding, whole) in seeds().into_iter().enumerate() {
         fs::write(&path, &whole).expect("written");
         assert_eq!(read(&path).expect("the seed itself is sound").splats.len(), 3, "encoding {encoding}");
-        let step = (any::<u8>(), any::<u32>(), any::<u64>());
-        let strategy = proptest::collection::vec(step, 1..6);
-        let mut runner = TestRunner::new(Config { cases, failure_persistence: None, ..Config::default() });
-        let outcome = runner.run(&strategy, |steps| {
+        run(&format!("encoding {encoding}"), cases, steps(), |steps| {
             fs::write(&path, damaged(&whole, &steps)).expect("written");
-            let case = || bounded(|| examine(&path));
-            std::panic::catch_unwind(std::panic::AssertUnwindSafe(case))
-                .map_err(|_| TestCaseError::fail("a panic, which is printed above"))
+            kept("scene.ply", || examine(&path))
         });
-        if let Err(error) = outcome {
-            panic!("encoding {encoding}: {error}");
-        }
     }
 }
 
@@ -99,5 +86,5 @@ fn damaged_scenes_never_panic() {
 #[test]
 #[ignore = "as long as wanted: GS_FUZZ_CASES cases for each encoding"]
 fn damaged_scenes_for_long() {
-    fuzz(std::env::var(CASES).map_or(LONG, |text| text.parse().expect("GS_FUZZ_CASES is a number")));
+    fuzz(asked(LONG));
 }

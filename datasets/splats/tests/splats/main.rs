@@ -5,5 +5,4 @@ mod bounded;
 mod fuzz_ply;
 #[path = "../../../../tests/src/mutate.rs"]
 mod mutate;
-mod ply_formats;
 mod python;

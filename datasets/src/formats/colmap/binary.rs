@@ -89,84 +89,75 @@ impl<'a> Bytes<'a> {
 
     fn end(&self) -> Result<(), DatasetError> {
         let rest = self.all.len().saturating_sub(self.offset);
-        if rest == 0 {
-            Ok(())
-        } else {
-            Err(self.wrong("the end of the file", format!("{rest} more {}", agree(rest, "byte", "bytes"))))
+        match rest {
+            0 => Ok(()),
+            _ => Err(self.wrong("the end of the file", format!("{rest} more {}", agree(rest, "byte", "bytes")))),
         }
     }
 }
 
-fn read<T>(path: &Path, parse: impl Fn(&mut Bytes) -> Result<T, DatasetError>) -> Result<T, DatasetError> {
+/// A file's records, `what`, of at least `least` bytes each.
+fn read<T>(
+    path: &Path,
+    least: usize,
+    what: &str,
+    record: impl Fn(&mut Bytes) -> Result<T, DatasetError>,
+) -> Result<Vec<T>, DatasetError> {
     let all = guarded::read(path, guarded::MODEL_MAX)?;
     let mut bytes = Bytes { file: path, all: &all, offset: 0 };
-    let parsed = parse(&mut bytes)?;
+    let count = bytes.count(least, what)?;
+    let records = (0..count).map(|_| record(&mut bytes)).collect::<Result<_, _>>()?;
     bytes.end()?;
-    Ok(parsed)
+    Ok(records)
 }
 
 /// cameras.bin
 pub(super) fn cameras(path: &Path) -> Result<Vec<Listed>, DatasetError> {
-    read(path, |bytes| {
-        let count = bytes.count(4 + 4 + 8 + 8 + 16, "cameras")?;
-        let mut cameras = Vec::with_capacity(count);
-        for _ in 0..count {
-            let id = bytes.u32("camera id")?;
-            let number = bytes.u32("camera model")? as i32;
-            let (model, params) = model_by_id(number).ok_or_else(|| {
-                bytes.wrong(format!("a camera model of 0 to 17 for camera {id}"), format!("model {number}"))
-            })?;
-            let (width, height) = (bytes.u64("width")?, bytes.u64("height")?);
-            let params = (0..params).map(|_| bytes.f64("camera parameter")).collect::<Result<_, _>>()?;
-            cameras.push((id, Ok(Camera { model, width, height, params })));
-        }
-        Ok(cameras)
+    read(path, 4 + 4 + 8 + 8 + 16, "cameras", |bytes| {
+        let id = bytes.u32("camera id")?;
+        let number = bytes.u32("camera model")? as i32;
+        let (model, params) = model_by_id(number).ok_or_else(|| {
+            bytes.wrong(format!("a camera model of 0 to 17 for camera {id}"), format!("model {number}"))
+        })?;
+        let (width, height) = (bytes.u64("width")?, bytes.u64("height")?);
+        let params = (0..params).map(|_| bytes.f64("camera parameter")).collect::<Result<_, _>>()?;
+        Ok((id, Ok(Camera { model, width, height, params })))
     })
 }
 
 /// images.bin
 pub(super) fn images(path: &Path, keep_observations: bool) -> Result<Vec<Image>, DatasetError> {
-    read(path, |bytes| {
-        let count = bytes.count(4 + 7 * 8 + 4 + 2 + 8, "images")?;
-        let mut images = Vec::with_capacity(count);
-        for _ in 0..count {
-            bytes.u32("image id")?;
-            let (q, t) = (bytes.f64s("quaternion")?, bytes.f64s("translation")?);
-            let camera_id = bytes.u32("camera id")?;
-            let name = bytes.name()?;
-            let seen = bytes.count(24, "observations")?;
-            let mut observations = Vec::new();
-            if keep_observations {
-                observations.reserve_exact(seen);
-                for _ in 0..seen {
-                    let ([x, y], point) = (bytes.f64s("observation")?, bytes.u64("point id")?);
-                    if point != NO_POINT {
-                        observations.push((x, y, point));
-                    }
+    read(path, 4 + 7 * 8 + 4 + 2 + 8, "images", |bytes| {
+        bytes.u32("image id")?;
+        let (q, t) = (bytes.f64s("quaternion")?, bytes.f64s("translation")?);
+        let camera_id = bytes.u32("camera id")?;
+        let name = bytes.name()?;
+        let seen = bytes.count(24, "observations")?;
+        let mut observations = Vec::new();
+        if keep_observations {
+            observations.reserve_exact(seen);
+            for _ in 0..seen {
+                let ([x, y], point) = (bytes.f64s("observation")?, bytes.u64("point id")?);
+                if point != NO_POINT {
+                    observations.push((x, y, point));
                 }
-            } else {
-                bytes.take(24 * seen, "observations")?;
             }
-            images.push(Image { q, t, camera_id, name, observations });
+        } else {
+            bytes.take(24 * seen, "observations")?;
         }
-        Ok(images)
+        Ok(Image { q, t, camera_id, name, observations })
     })
 }
 
 /// points3D.bin
 pub(super) fn points(path: &Path) -> Result<Vec<(u64, Point)>, DatasetError> {
-    read(path, |bytes| {
-        let count = bytes.count(8 + 24 + 3 + 8 + 8, "points")?;
-        let mut points = Vec::with_capacity(count);
-        for _ in 0..count {
-            let id = bytes.u64("point id")?;
-            let position = DVec3::from_array(bytes.f64s("position")?);
-            let color = bytes.array("colour")?;
-            let error = bytes.f64("reprojection error")?;
-            let track = bytes.count(8, "track entries")?;
-            bytes.take(8 * track, "track")?;
-            points.push((id, Point { position, color, error }));
-        }
-        Ok(points)
+    read(path, 8 + 24 + 3 + 8 + 8, "points", |bytes| {
+        let id = bytes.u64("point id")?;
+        let position = DVec3::from_array(bytes.f64s("position")?);
+        let color = bytes.array("colour")?;
+        let error = bytes.f64("reprojection error")?;
+        let track = bytes.count(8, "track entries")?;
+        bytes.take(8 * track, "track")?;
+        Ok((id, Point { position, color, error }))
     })
 }

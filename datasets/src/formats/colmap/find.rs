@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use gs_base::{agree, counted, guarded};
 
-use super::text;
+use super::model::{Image, Listed, Point};
+use super::{binary, text};
+use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::folder::{entries, file_name};
 use crate::names::some_names;
@@ -36,6 +38,24 @@ impl ModelFiles {
         self.folder.join(format!("{stem}.{extension}"))
     }
 
+    /// The cameras of its file.
+    pub fn cameras(&self) -> Result<Vec<Listed>, DatasetError> {
+        let read = if self.format == SceneFormat::ColmapBinary { binary::cameras } else { text::cameras };
+        read(&self.file("cameras"))
+    }
+
+    /// The images of its file.
+    pub fn images(&self, keep_observations: bool) -> Result<Vec<Image>, DatasetError> {
+        let read = if self.format == SceneFormat::ColmapBinary { binary::images } else { text::images };
+        read(&self.file("images"), keep_observations)
+    }
+
+    /// The points of its file.
+    pub fn points(&self) -> Result<Vec<(u64, Point)>, DatasetError> {
+        let read = if self.format == SceneFormat::ColmapBinary { binary::points } else { text::points };
+        read(&self.file("points3D"))
+    }
+
     /// The model in a folder. Binary wins where a folder has both, as in COLMAP.
     fn of(scene: &Path, folder: PathBuf) -> Option<Self> {
         let has = |stem: &str, extension: &str| folder.join(format!("{stem}.{extension}")).exists();
@@ -45,13 +65,12 @@ impl ModelFiles {
     }
 
     /// The number of images; 0 where the file cannot be read.
-    fn images(&self) -> usize {
-        let file = self.file("images");
+    fn count(&self) -> usize {
         if self.format == SceneFormat::ColmapText {
-            return text::images(&file, false).map_or(0, |images| images.len());
+            return self.images(false).map_or(0, |images| images.len());
         }
         let count = || -> Option<usize> {
-            let mut opened = guarded::open_regular(&file, guarded::MODEL_MAX).ok()?;
+            let mut opened = guarded::open_regular(&self.file("images"), guarded::MODEL_MAX).ok()?;
             let (length, mut count) = (opened.metadata().ok()?.len(), [0; 8]);
             opened.read_exact(&mut count).ok()?;
             let count = u64::from_le_bytes(count);
@@ -98,7 +117,7 @@ fn largest(scene: &Path, base: &Path) -> Option<ModelFiles> {
         return models.pop();
     }
     let number = |model: &ModelFiles| file_name(&model.folder).parse::<u64>().unwrap_or(u64::MAX);
-    let mut models: Vec<(usize, ModelFiles)> = models.into_iter().map(|model| (model.images(), model)).collect();
+    let mut models: Vec<(usize, ModelFiles)> = models.into_iter().map(|model| (model.count(), model)).collect();
     models.sort_by_key(|(images, model)| (std::cmp::Reverse(*images), number(model)));
     let mut models = models.into_iter();
     let (_, mut largest) = models.next()?;

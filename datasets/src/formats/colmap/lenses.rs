@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::PathBuf;
 
-use gs_base::{agree, counted};
+use gs_base::{agree, clause, counted};
 
 use super::find::ModelFiles;
 use super::model::{Image, Model, SUPPORTED};
@@ -79,7 +79,7 @@ impl<'a> Lenses<'a> {
             let images = self.images_of(|id| self.broken.contains_key(&id));
             let more = match self.broken.len() - 1 {
                 0 => String::new(),
-                more => format!(", and {} {} likewise", counted(more, "more camera"), agree(more, "is", "are")),
+                more => format!(", and {} likewise", clause(more, "more camera", "is", "are")),
             };
             findings.warn(format!(
                 "{sentence}{more}; {} of {} {} left out ({})",

@@ -21,7 +21,6 @@ use crate::findings::Findings;
 use crate::frame::CameraPose;
 use crate::options::{LoadOptions, MaskUse};
 use crate::raw::{RawFrame, RawPoints, RawScene};
-use crate::scene::SceneFormat;
 use crate::side_files::{Kind, SideFile, SideFiles};
 use crate::{names, pose};
 
@@ -33,20 +32,15 @@ pub(crate) fn read_model(
     keep_observations: bool,
     findings: &mut Findings,
 ) -> Result<Model, DatasetError> {
-    let is_binary = files.format == SceneFormat::ColmapBinary;
     let mut model = Model::default();
     read_cameras(files, &mut model, findings)?;
-    let path = files.file("images");
-    let images =
-        if is_binary { binary::images(&path, keep_observations) } else { text::images(&path, keep_observations) };
-    model.images = findings.take(images)?.unwrap_or_default();
+    model.images = findings.take(files.images(keep_observations))?.unwrap_or_default();
     let path = files.file("points3D");
     if !path.exists() {
         findings.warn(format!("{}: there are no points ({} is missing)", files.folder.display(), path.display()));
         return Ok(model);
     }
-    let points = if is_binary { binary::points(&path) } else { text::points(&path) };
-    model.points = findings.take(points)?.unwrap_or_default();
+    model.points = findings.take(files.points())?.unwrap_or_default();
     let broken = model
         .points
         .iter()
@@ -62,15 +56,18 @@ pub(crate) fn read_model(
 
 /// Reads the cameras. A broken one is kept as a sentence: most images may be of others.
 fn read_cameras(files: &ModelFiles, model: &mut Model, findings: &mut Findings) -> Result<(), DatasetError> {
-    let path = files.file("cameras");
-    let cameras = if files.format == SceneFormat::ColmapBinary { binary::cameras(&path) } else { text::cameras(&path) };
-    for (id, camera) in findings.take(cameras)?.unwrap_or_default() {
+    for (id, camera) in findings.take(files.cameras())?.unwrap_or_default() {
         let is_twice = match camera {
             Ok(camera) => model.cameras.insert(id, camera).is_some(),
             Err(error) => model.broken.insert(id, error.to_string()).is_some(),
         };
         if is_twice {
-            let twice = DatasetError::malformed(&path, format!("camera {id}"), "each camera id once", "it twice");
+            let twice = DatasetError::malformed(
+                &files.file("cameras"),
+                format!("camera {id}"),
+                "each camera id once",
+                "it twice",
+            );
             findings.take::<()>(Err(twice))?;
         }
     }
@@ -90,11 +87,9 @@ pub(crate) fn read(
 /// The cameras of a model, one for each image, by name; no photo needs to exist. A lens distortion is left out.
 pub(crate) fn cameras(files: &ModelFiles) -> Result<Vec<CameraPose>, DatasetError> {
     let (cameras_file, images_file) = (files.file("cameras"), files.file("images"));
-    let is_binary = files.format == SceneFormat::ColmapBinary;
-    let cameras = if is_binary { binary::cameras(&cameras_file)? } else { text::cameras(&cameras_file)? };
-    let cameras = cameras.into_iter().map(|(id, camera)| Ok((id, camera?)));
+    let cameras = files.cameras()?.into_iter().map(|(id, camera)| Ok((id, camera?)));
     let cameras = cameras.collect::<Result<HashMap<u32, model::Camera>, DatasetError>>()?;
-    let images = if is_binary { binary::images(&images_file, false)? } else { text::images(&images_file, false)? };
+    let images = files.images(false)?;
     let pose = |image: &model::Image| {
         let camera = cameras.get(&image.camera_id).ok_or_else(|| {
             let expected = format!("a camera that {} lists", cameras_file.display());
@@ -161,14 +156,11 @@ pub(crate) fn scene(
     }
     photos.warn(&images_file, &hint, findings);
     photos::say_unregistered(files, &root, &photos.files(), findings);
-    if frames.is_empty() && !findings.is_lenient() {
-        let found = match photos.total() {
-            0 => format!("no image in {}", images_file.display()),
-            total if photos.missing().is_empty() => format!("no sound camera of {}", counted(total, "image")),
-            total => format!("none of the {} in {}{hint}", counted(total, "image"), root.display()),
-        };
-        return Err(DatasetError::NoFrames { path: files.scene.clone(), found });
-    }
+    findings.need_frames(&frames, &files.scene, || match photos.total() {
+        0 => format!("no image in {}", images_file.display()),
+        total if photos.missing().is_empty() => format!("no sound camera of {}", counted(total, "image")),
+        total => format!("none of the {} in {}{hint}", counted(total, "image"), root.display()),
+    })?;
     let points = (!model.points.is_empty()).then(|| RawPoints {
         positions: model.points.iter().map(|(_, point)| point.position).collect(),
         colors: model.points.iter().map(|(_, point)| point.color).collect(),

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
-use crate::lens::{Focal, Lens};
+use crate::lens::Lens;
 
 /// COLMAP's camera models by id: name and number of parameters. All must be known to read past them in binary files.
 const MODELS: [(&str, usize); 18] = [
@@ -126,14 +126,7 @@ impl Camera {
                 format!("{} x {}, {:?}", self.width, self.height, self.params),
             ));
         }
-        Ok(Lens {
-            focal_x: Some(Focal::Pixels(focal[0])),
-            focal_y: Some(Focal::Pixels(focal[1])),
-            cx: Some(centre[0]),
-            cy: Some(centre[1]),
-            width: Some(self.width as f64),
-            height: Some(self.height as f64),
-            distortion,
-        })
+        let [[fx, fy], [cx, cy]] = [focal, centre];
+        Ok(Lens::of([fx, fy, cx, cy], (self.width as f64, self.height as f64), distortion))
     }
 }

@@ -52,25 +52,21 @@ fn is_nan(word: &str) -> bool {
     word.starts_with("nan") || word.starts_with("1.#")
 }
 
-fn read(path: &Path) -> Result<String, DatasetError> {
-    Ok(guarded::read_to_string(path, guarded::MODEL_MAX)?)
-}
-
 /// Lines with their numbers, comments left out and blank lines kept.
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().map(|(i, line)| (i + 1, line)).filter(|(_, line)| !line.trim_start().starts_with('#'))
 }
 
+/// What each line with text of a file says.
+fn each_line<T>(path: &Path, read: impl Fn(Line) -> Result<T, DatasetError>) -> Result<Vec<T>, DatasetError> {
+    let text = guarded::read_to_string(path, guarded::MODEL_MAX)?;
+    let lines = lines(&text).filter(|(_, line)| !line.trim().is_empty());
+    lines.map(|(number, text)| read(Line::new(path, number, text))).collect()
+}
+
 /// cameras.txt: `ID MODEL WIDTH HEIGHT PARAMS...`
 pub(super) fn cameras(path: &Path) -> Result<Vec<Listed>, DatasetError> {
-    let text = read(path)?;
-    let mut cameras = Vec::new();
-    for (number, text) in lines(&text).filter(|(_, line)| !line.trim().is_empty()) {
-        let mut line = Line::new(path, number, text);
-        let id = line.next("a camera id")?;
-        cameras.push((id, camera(line)));
-    }
-    Ok(cameras)
+    each_line(path, |mut line| Ok((line.next("a camera id")?, camera(line))))
 }
 
 /// The rest of a camera's line.
@@ -89,7 +85,7 @@ fn camera(mut line: Line) -> Result<Camera, DatasetError> {
 /// images.txt: two lines an image, `ID QW QX QY QZ TX TY TZ CAMERA_ID NAME` and `(X Y POINT3D_ID)...`, of which the
 /// second may be empty. Where a tool dropped empty lines, the next image stands in its place.
 pub(super) fn images(path: &Path, keep_observations: bool) -> Result<Vec<Image>, DatasetError> {
-    let text = read(path)?;
+    let text = guarded::read_to_string(path, guarded::MODEL_MAX)?;
     let mut images = Vec::new();
     let mut lines = lines(&text).peekable();
     while let Some((number, header)) = lines.next() {
@@ -153,15 +149,10 @@ fn after_words(line: &str, count: usize) -> &str {
 
 /// points3D.txt: `ID X Y Z R G B ERROR (IMAGE_ID POINT2D_IDX)...`
 pub(super) fn points(path: &Path) -> Result<Vec<(u64, Point)>, DatasetError> {
-    let text = read(path)?;
-    let mut points = Vec::new();
-    for (number, text) in lines(&text).filter(|(_, line)| !line.trim().is_empty()) {
-        let mut line = Line::new(path, number, text);
+    each_line(path, |mut line| {
         let id = line.next("a point id")?;
         let position = DVec3::from_array(line.array("a position of 3 numbers")?);
         let color = [line.next("a red value")?, line.next("a green value")?, line.next("a blue value")?];
-        let error = line.float("a reprojection error")?;
-        points.push((id, Point { position, color, error }));
-    }
-    Ok(points)
+        Ok((id, Point { position, color, error: line.float("a reprojection error")? }))
+    })
 }

@@ -76,17 +76,12 @@ pub(super) fn images(
         }
         masks.extend(dynamic_mask(&image_path, options.masks));
         found.push(RawFrame {
-            name,
-            image_path,
-            c2w: entry.c2w,
-            lens: entry.lens,
             time: entry.time,
             camera_id: entry.camera_id,
             masks,
             exposure: entry.exposure,
             sides,
-            split: None,
-            file: file.to_path_buf(),
+            ..RawFrame::posed(name, image_path, entry.c2w, entry.lens, file.to_path_buf())
         });
     }
     if let [first, ..] = &missing_masks[..]

@@ -163,18 +163,8 @@ fn sides(keys: &Keys) -> Result<Vec<(Kind, String)>, DatasetError> {
 /// A 4 x 4 matrix, or 3 x 4 with the last row understood. Non-finite entries pass: the pose check names them.
 fn matrix(keys: &Keys, key: &str) -> Result<[[f64; 4]; 4], DatasetError> {
     let value = keys.get(key).unwrap_or(&Value::Null);
-    let read = || -> Option<[[f64; 4]; 4]> {
-        let list = value.as_array().filter(|list| list.len() == 3 || list.len() == 4)?;
-        let mut rows = [[0.0, 0.0, 0.0, 0.0], [0.0; 4], [0.0; 4], [0.0, 0.0, 0.0, 1.0]];
-        for (row, values) in rows.iter_mut().zip(list) {
-            let values = values.as_array().filter(|values| values.len() == 4)?;
-            for (entry, value) in row.iter_mut().zip(values) {
-                *entry = json::as_f64(value)?;
-            }
-        }
-        Some(rows)
-    };
-    read().ok_or_else(|| {
+    let three = || json::matrix(value).map(|[a, b, c]: [[f64; 4]; 3]| [a, b, c, [0.0, 0.0, 0.0, 1.0]]);
+    json::matrix(value).or_else(three).ok_or_else(|| {
         let found = match value {
             Value::Array(rows) => no_number(rows).unwrap_or_else(|| row_lengths(rows)),
             Value::Null => "nothing".to_string(),

@@ -8,12 +8,13 @@ mod lens;
 use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use gs_base::{agree, counted};
+use gs_base::{clause, counted};
 use serde_json::{Map, Value};
 
 use self::frames::Entry;
 use crate::error::DatasetError;
 use crate::findings::Findings;
+use crate::folder::{folder_of, has_extension};
 use crate::formats::json::{self, Keys};
 use crate::frame::CameraPose;
 use crate::names;
@@ -44,9 +45,10 @@ pub(crate) fn find(path: &Path, is_folder: bool) -> Option<Sources> {
         } else {
             vec![(whole, None)]
         }
+    } else if has_extension(path, &["json"]) {
+        vec![(path.to_path_buf(), None)]
     } else {
-        let is_json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
-        if is_json { vec![(path.to_path_buf(), None)] } else { Vec::new() }
+        Vec::new()
     };
     (!files.is_empty()).then(|| Sources { scene: path.to_path_buf(), files })
 }
@@ -76,14 +78,10 @@ pub(crate) fn read(
             scene.points = findings.take(points)?.flatten();
         }
     }
-    if scene.frames.is_empty() && !findings.is_lenient() {
-        let found = if listed == 0 {
-            "an empty list of frames".to_string()
-        } else {
-            format!("none of {}{hint}", counted(listed, "image"))
-        };
-        return Err(DatasetError::NoFrames { path: sources.scene.clone(), found });
-    }
+    findings.need_frames(&scene.frames, &sources.scene, || match listed {
+        0 => "an empty list of frames".to_string(),
+        _ => format!("none of {}{hint}", counted(listed, "image")),
+    })?;
     Ok(scene)
 }
 
@@ -116,10 +114,8 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError>
     if entries.is_empty() {
         return Err(DatasetError::NoFrames { path: file, found: "an empty list of frames".to_string() });
     }
-    let mut cameras = Vec::with_capacity(entries.len());
-    for (index, entry) in entries.iter().enumerate() {
-        cameras.push(camera(index, entry, root, &file)?);
-    }
+    let cameras = entries.iter().enumerate().map(|(index, entry)| camera(index, entry, root, &file));
+    let mut cameras = cameras.collect::<Result<Vec<_>, _>>()?;
     names::make_unique(cameras.iter_mut().map(|camera| &mut camera.name));
     findings.log();
     Ok(cameras)
@@ -152,13 +148,6 @@ fn camera(index: usize, entry: &Entry, root: &Path, file: &Path) -> Result<Camer
     })
 }
 
-fn folder_of(file: &Path) -> &Path {
-    match file.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    }
-}
-
 /// Marks frames by the file they are in, or by nerfstudio's lists.
 fn assign_splits(
     mut found: Vec<RawFrame>,
@@ -186,11 +175,10 @@ fn assign_splits(
     }
     if !twice.is_empty() {
         findings.fact(format!(
-            "{}: {} {} in several of the split's lists; each counts once, as training before test before other lists \
+            "{}: {} in several of the split's lists; each counts once, as training before test before other lists \
              ({}).",
             file.display(),
-            counted(twice.len(), "frame"),
-            agree(twice.len(), "is", "are"),
+            clause(twice.len(), "frame", "is", "are"),
             some_names(&twice)
         ));
     }
@@ -203,10 +191,9 @@ fn assign_splits(
     if found.len() < before {
         let left_out = before - found.len();
         findings.warn(format!(
-            "{}: {} {} in none of the split's lists and left out",
+            "{}: {} in none of the split's lists and left out",
             file.display(),
-            counted(left_out, "frame"),
-            agree(left_out, "is", "are")
+            clause(left_out, "frame", "is", "are")
         ));
     }
     Ok(found)

@@ -85,22 +85,15 @@ fn rows<T>(
     columns: &[&str],
     mut row: impl FnMut(&[Cells], usize) -> Option<T>,
 ) -> Result<Vec<(Key, T)>, DatasetError> {
-    let cells: Vec<Vec<Cells>> = table
-        .groups()
-        .into_iter()
-        .enumerate()
+    let groups = table.groups().into_iter().enumerate();
+    let cells: Vec<Vec<Cells>> = groups
         .map(|(group, count)| columns.iter().map(|column| table.cells(group, column, 0..count)).collect())
         .collect::<Result<_, _>>()?;
     let read = |key: &Key| match row(&cells[key.group], key.row) {
         Some(found) => Ok((*key, found)),
         None => {
-            let place = format!("row {} of group {}", key.row, key.group);
-            Err(DatasetError::malformed(
-                table.path(),
-                place,
-                format!("sound values of {}", columns.join(", ")),
-                "others",
-            ))
+            let expected = format!("sound values of {}", columns.join(", "));
+            Err(DatasetError::malformed(table.path(), key.to_string(), expected, "others"))
         }
     };
     keys.all().iter().map(read).collect()

@@ -1,5 +1,6 @@
 //! [`Keys`]: the rows of a component by time and sensor. Rows are in any order, and columns too.
 
+use std::fmt;
 use std::path::Path;
 
 use gs_datasets::DatasetError;
@@ -24,6 +25,12 @@ pub(crate) struct Key {
     /// Group and row in the file.
     pub group: usize,
     pub row: usize,
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "row {} of group {}", self.row, self.group)
+    }
 }
 
 /// Rows, ascending.

@@ -63,13 +63,8 @@ impl Modular {
                     Some(BoxPart { id, kind: kinds.integer(row)?, centre, size, heading })
                 };
                 boxes.push(read.and_then(|()| part()).ok_or_else(|| {
-                    let place = format!("row {} of group {}", keys[row].row, keys[row].group);
-                    DatasetError::malformed(
-                        component.table.path(),
-                        place,
-                        "a box with a name and a type",
-                        "another row",
-                    )
+                    let (path, place) = (component.table.path(), keys[row].to_string());
+                    DatasetError::malformed(path, place, "a box with a name and a type", "another row")
                 })?);
             }
         }
@@ -96,8 +91,8 @@ impl Component {
             let (shapes, values) = (self.cells(keys, &shape)?, self.cells(keys, &values)?);
             for (row, key) in keys.iter().enumerate() {
                 let wrong = |found: String| {
-                    let place = format!("{column} of row {} of group {}", key.row, key.group);
-                    DatasetError::malformed(self.table.path(), place, "rows, columns and channels of an image", found)
+                    let expected = "rows, columns and channels of an image";
+                    DatasetError::malformed(self.table.path(), format!("{column} of {key}"), expected, found)
                 };
                 let sides = shapes.numbers(row).zip(values.floats(row));
                 let (sides, values) = sides.ok_or_else(|| wrong("text".to_string()))?;

@@ -6,7 +6,7 @@ use parquet::column::page::{Page, PageMetadata, PageReader};
 use parquet::errors::{ParquetError, Result};
 
 use super::codec::unpack;
-use super::thrift::{Event, Walk};
+use super::thrift::{Event, structure};
 
 /// Longest content of a page, bytes. A writer that counts values rather than bytes puts all images of 51 frames into
 /// one: some 100 MB.
@@ -76,7 +76,7 @@ impl Pages {
         let rest = &self.bytes[self.at..];
         let mut header = Header { kind: -1, is_packed: 1, ..Header::default() };
         let (mut content, mut packed) = (-1, -1);
-        let length = Walk::new(rest).structure(&mut |path, event| {
+        let length = structure(rest, |path, event| {
             let Event::Integer(value) = event else { return };
             match path {
                 [1] => header.kind = value,

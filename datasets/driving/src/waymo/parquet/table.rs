@@ -14,7 +14,7 @@ use parquet::data_type::{ByteArray, DataType};
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 
 use super::pages::Pages;
-use super::thrift::{Event, Walk};
+use super::thrift::{Event, structure};
 
 /// Longest file, bytes. Images of a segment have some 330 MB.
 const FILE_MAX: u64 = 16 << 30;
@@ -61,7 +61,7 @@ impl Table {
     pub fn open(path: &Path) -> Result<Self, DatasetError> {
         let mut file = guarded::open_regular(path, FILE_MAX)?;
         let wrong = |found: String| DatasetError::malformed(path, "the footer", "a whole Parquet file", found);
-        let length = file.metadata().map_err(|error| unreadable(path, error))?.len();
+        let length = file.metadata().map_err(|error| DatasetError::read(path, error))?.len();
         if length < TAIL + MAGIC.len() as u64 {
             return Err(wrong(format!("{length} bytes")));
         }
@@ -147,46 +147,31 @@ impl Table {
             return Err(wrong("a list of lists".to_string()));
         }
         let read = || -> Result<Cells, String> {
-            let (values, ends) = match get_column_reader(described, Box::new(pages)) {
-                ColumnReader::BoolColumnReader(reader) => {
-                    let (values, ends) = collect(reader, rows, levels)?;
-                    (Values::Integers(values.into_iter().map(i64::from).collect()), ends)
-                }
-                ColumnReader::Int32ColumnReader(reader) => {
-                    let (values, ends) = collect(reader, rows, levels)?;
-                    (Values::Integers(values.into_iter().map(i64::from).collect()), ends)
-                }
-                ColumnReader::Int64ColumnReader(reader) => {
-                    let (values, ends) = collect(reader, rows, levels)?;
-                    (Values::Integers(values), ends)
-                }
-                ColumnReader::FloatColumnReader(reader) => {
-                    let (values, ends) = collect(reader, rows, levels)?;
-                    (Values::Floats(values), ends)
-                }
-                ColumnReader::DoubleColumnReader(reader) => {
-                    let (values, ends) = collect(reader, rows, levels)?;
-                    (Values::Doubles(values), ends)
-                }
-                ColumnReader::ByteArrayColumnReader(reader) => {
-                    let (values, ends) = collect(reader, rows, levels)?;
-                    (Values::Bytes(values), ends)
-                }
-                _ => return Err("values of another type".to_string()),
-            };
-            Ok(Cells { values, ends })
+            fn widened<T: Into<i64>>(values: Vec<T>) -> Values {
+                Values::Integers(values.into_iter().map(T::into).collect())
+            }
+            match get_column_reader(described, Box::new(pages)) {
+                ColumnReader::BoolColumnReader(reader) => collect(reader, rows, levels, widened),
+                ColumnReader::Int32ColumnReader(reader) => collect(reader, rows, levels, widened),
+                ColumnReader::Int64ColumnReader(reader) => collect(reader, rows, levels, Values::Integers),
+                ColumnReader::FloatColumnReader(reader) => collect(reader, rows, levels, Values::Floats),
+                ColumnReader::DoubleColumnReader(reader) => collect(reader, rows, levels, Values::Doubles),
+                ColumnReader::ByteArrayColumnReader(reader) => collect(reader, rows, levels, Values::Bytes),
+                _ => Err("values of another type".to_string()),
+            }
         };
         guard(read).map_err(wrong)
     }
 }
 
-/// Values of rows, and the end of each row among them. `levels`: whether the column has definition and repetition
+/// Cells of rows, their values in the form of `values_of`. `levels`: whether the column has definition and repetition
 /// levels.
 fn collect<T: DataType>(
     mut reader: ColumnReaderImpl<T>,
     rows: impl Iterator<Item = usize>,
     levels: (bool, bool),
-) -> Result<(Vec<T::T>, Vec<usize>), String> {
+    values_of: fn(Vec<T::T>) -> Values,
+) -> Result<Cells, String> {
     let (mut values, mut ends) = (Vec::new(), Vec::new());
     let (mut definitions, mut repetitions) = (Vec::new(), Vec::new());
     let mut at = 0;
@@ -207,7 +192,7 @@ fn collect<T: DataType>(
         ends.push(values.len());
         at = row + 1;
     }
-    Ok((values, ends))
+    Ok(Cells { values: values_of(values), ends })
 }
 
 impl Cells {
@@ -260,7 +245,7 @@ fn sound(footer: &[u8]) -> Result<(), String> {
     const COLUMNS: [i16; 1] = [2];
     const CHILDREN: [i16; 2] = [2, 5];
     let mut children = Vec::new();
-    let length = Walk::new(footer).structure(&mut |path, event| match event {
+    let length = structure(footer, |path, event| match event {
         Event::Element if path == COLUMNS => children.push(0),
         Event::Integer(count) if path == CHILDREN => {
             children.iter_mut().next_back().into_iter().for_each(|c| *c = count)
@@ -293,13 +278,9 @@ fn guard<T>(decoder: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     }
 }
 
-fn unreadable(path: &Path, source: std::io::Error) -> DatasetError {
-    DatasetError::read(path, source)
-}
-
 /// Bytes of a file, which was at least so long when its metadata was read.
 fn piece(path: &Path, file: &mut File, start: u64, length: usize) -> Result<Vec<u8>, DatasetError> {
-    let io = |error| unreadable(path, error);
+    let io = |error| DatasetError::read(path, error);
     file.seek(SeekFrom::Start(start)).map_err(io)?;
     let mut bytes = Vec::with_capacity(length.min(file.metadata().map_err(io)?.len() as usize));
     file.take(length as u64).read_to_end(&mut bytes).map_err(io)?;

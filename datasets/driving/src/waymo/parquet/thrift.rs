@@ -13,26 +13,26 @@ pub(crate) enum Event {
     Integer(i64),
 }
 
-/// Bytes and a position.
-pub(crate) struct Walk<'a> {
-    bytes: &'a [u8],
-    at: usize,
+/// Walks over the structure at the begin of some bytes, and gives its integers and the begin of structures in lists,
+/// with the numbers of the fields that lead there, outermost first. The length of the structure, bytes; `None` where
+/// it is broken.
+pub(crate) fn structure(bytes: &[u8], seen: impl FnMut(&[i16], Event)) -> Option<usize> {
+    let mut walk = Walk { bytes, at: 0, path: Vec::new(), seen };
+    walk.fields(0)?;
+    Some(walk.at)
 }
 
-/// Numbers of the fields that lead to a place, outermost first.
-type Path = Vec<i16>;
+/// Bytes and a position.
+struct Walk<'a, S> {
+    bytes: &'a [u8],
+    at: usize,
+    path: Vec<i16>,
+    seen: S,
+}
 
-impl<'a> Walk<'a> {
-    /// At the begin of the bytes.
-    pub fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, at: 0 }
-    }
-
-    /// Walks over one structure, and gives its integers and the begin of structures in lists. The length of the
-    /// structure, bytes; `None` where it is broken.
-    pub fn structure(mut self, seen: &mut dyn FnMut(&[i16], Event)) -> Option<usize> {
-        self.fields(&mut Vec::new(), 0, seen)?;
-        Some(self.at)
+impl<S: FnMut(&[i16], Event)> Walk<'_, S> {
+    fn see(&mut self, event: Event) {
+        (self.seen)(&self.path, event);
     }
 
     fn byte(&mut self) -> Option<u8> {
@@ -64,7 +64,7 @@ impl<'a> Walk<'a> {
         Some((value >> 1) as i64 ^ -((value & 1) as i64))
     }
 
-    fn fields(&mut self, path: &mut Path, depth: usize, seen: &mut dyn FnMut(&[i16], Event)) -> Option<()> {
+    fn fields(&mut self, depth: usize) -> Option<()> {
         if depth > DEPTH_MAX {
             return None;
         }
@@ -78,22 +78,22 @@ impl<'a> Walk<'a> {
                 0 => i16::try_from(self.zigzag()?).ok()?,
                 delta => number.checked_add(i16::from(delta))?,
             };
-            path.push(number);
+            self.path.push(number);
             match head & 15 {
                 // A truth value is in the head itself.
-                kind @ (1 | 2) => seen(path, Event::Integer(i64::from(kind == 1))),
-                kind => self.value(kind, path, depth, seen)?,
+                kind @ (1 | 2) => self.see(Event::Integer(i64::from(kind == 1))),
+                kind => self.value(kind, depth)?,
             }
-            path.pop();
+            self.path.pop();
         }
     }
 
-    fn value(&mut self, kind: u8, path: &mut Path, depth: usize, seen: &mut dyn FnMut(&[i16], Event)) -> Option<()> {
+    fn value(&mut self, kind: u8, depth: usize) -> Option<()> {
         match kind {
             1..=3 => self.skip(1),
             4..=6 => {
                 let value = self.zigzag()?;
-                seen(path, Event::Integer(value));
+                self.see(Event::Integer(value));
                 Some(())
             }
             7 => self.skip(8),
@@ -104,29 +104,22 @@ impl<'a> Walk<'a> {
             9 | 10 => {
                 let head = self.byte()?;
                 let count = if head >> 4 == 15 { self.varint()? } else { u64::from(head >> 4) };
-                self.elements(count, &[head & 15], path, depth, seen)
+                self.elements(count, &[head & 15], depth)
             }
             11 => match self.varint()? {
                 0 => Some(()),
                 count => {
                     let kinds = self.byte()?;
-                    self.elements(count, &[kinds >> 4, kinds & 15], path, depth, seen)
+                    self.elements(count, &[kinds >> 4, kinds & 15], depth)
                 }
             },
-            12 => self.fields(path, depth + 1, seen),
+            12 => self.fields(depth + 1),
             13 => self.skip(16),
             _ => None,
         }
     }
 
-    fn elements(
-        &mut self,
-        count: u64,
-        kinds: &[u8],
-        path: &mut Path,
-        depth: usize,
-        seen: &mut dyn FnMut(&[i16], Event),
-    ) -> Option<()> {
+    fn elements(&mut self, count: u64, kinds: &[u8], depth: usize) -> Option<()> {
         // Every element has a byte at least.
         if count > (self.bytes.len() - self.at) as u64 || depth >= DEPTH_MAX {
             return None;
@@ -134,9 +127,9 @@ impl<'a> Walk<'a> {
         for _ in 0..count {
             for kind in kinds {
                 if *kind == 12 {
-                    seen(path, Event::Element);
+                    self.see(Event::Element);
                 }
-                self.value(*kind, path, depth + 1, seen)?;
+                self.value(*kind, depth + 1)?;
             }
         }
         Some(())
@@ -153,7 +146,7 @@ mod tests {
         // field 5: i32 2.
         let bytes = [0x15, 5, 0x4c, 0x15, 14, 0, 0x19, 0x2c, 0x55, 4, 0, 0, 0, 99];
         let mut found = Vec::new();
-        let length = Walk::new(&bytes).structure(&mut |path, event| found.push((path.to_vec(), event)));
+        let length = structure(&bytes, |path, event| found.push((path.to_vec(), event)));
         assert_eq!(length, Some(bytes.len() - 1));
         let expected = [
             (vec![1], Event::Integer(-3)),
@@ -164,14 +157,14 @@ mod tests {
         ];
         assert_eq!(found, expected);
         for cut in 0..bytes.len() - 1 {
-            assert_eq!(Walk::new(&bytes[..cut]).structure(&mut |_, _| {}), None, "{cut}");
+            assert_eq!(structure(&bytes[..cut], |_, _| {}), None, "{cut}");
         }
     }
 
     #[test]
     fn depth_and_sizes_are_bounded() {
-        assert_eq!(Walk::new(&[0x1c; 1000]).structure(&mut |_, _| {}), None);
+        assert_eq!(structure(&[0x1c; 1000], |_, _| {}), None);
         // A list of 2^31 - 1 bytes.
-        assert_eq!(Walk::new(&[0x19, 0xf3, 0xff, 0xff, 0xff, 0xff, 7, 0]).structure(&mut |_, _| {}), None);
+        assert_eq!(structure(&[0x19, 0xf3, 0xff, 0xff, 0xff, 0xff, 7, 0], |_, _| {}), None);
     }
 }

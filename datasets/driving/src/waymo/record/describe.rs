@@ -71,16 +71,11 @@ impl Records {
         // The record was within the file when it was listed.
         let mut bytes = Vec::with_capacity(record.length + TAIL as usize);
         file.take(record.length as u64 + TAIL).read_to_end(&mut bytes).map_err(io)?;
-        let place = format!("the record of {} bytes from {} on", record.length, record.start);
         let sum = bytes.get(record.length..).and_then(|tail| tail.first_chunk()).map(|tail| u32::from_le_bytes(*tail));
         bytes.truncate(record.length);
         if sum != Some(crc::masked(&bytes)) {
-            return Err(DatasetError::malformed(
-                &self.path,
-                place,
-                "a content that agrees with its checksum",
-                "another",
-            ));
+            let expected = "a content that agrees with its checksum";
+            return Err(DatasetError::malformed(&self.path, record.to_string(), expected, "another"));
         }
         Ok(bytes)
     }

@@ -14,6 +14,7 @@ mod describe;
 mod read;
 mod wire;
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Longest file, bytes. A segment has about 1 GB.
@@ -27,6 +28,12 @@ const RECORD_MAX: u64 = 256 << 20;
 struct Record {
     start: u64,
     length: usize,
+}
+
+impl fmt::Display for Record {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the record of {} bytes from {} on", self.length, self.start)
+    }
 }
 
 /// A file of records, by the times of their frames.

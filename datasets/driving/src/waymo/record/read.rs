@@ -66,10 +66,8 @@ impl Records {
 
     fn read<T>(&self, frame: usize, read: impl FnOnce(&[u8]) -> Result<T, String>) -> Result<T, DatasetError> {
         let content = self.content(frame)?;
-        read(&content).map_err(|found| {
-            let place = format!("the record of {} bytes from {} on", content.len(), self.records[frame].start);
-            DatasetError::malformed(&self.path, place, "a frame", found)
-        })
+        let place = self.records[frame].to_string();
+        read(&content).map_err(|found| DatasetError::malformed(&self.path, place, "a frame", found))
     }
 }
 

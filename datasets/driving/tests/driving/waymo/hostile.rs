@@ -4,8 +4,10 @@ use std::fs;
 use std::path::Path;
 
 use gs_driving::{DrivingLog, LogOptions};
+use parquet::basic::Type as Kind;
+use parquet::data_type::{ByteArrayType, DoubleType, FloatType, Int32Type, Int64Type};
 
-use super::modular::{self, Cells, Columns, NAME, PLAIN, components, write};
+use super::modular::{self, Cells, Columns, NAME, PLAIN, components, flat, lists, write};
 use super::record::{self, Message, framed};
 use super::scene::*;
 
@@ -84,16 +86,11 @@ fn columns_of_another_type() {
             }
             let folder = segment();
             let mut columns = self::columns(component);
-            let rows = match &columns[changed].1 {
-                Cells::Bytes(cells) => Cells::Doubles(vec![vec![1.5, 2.5]; cells.len()]),
-                Cells::Integers(cells) => Cells::Bytes(vec![b"text".to_vec(); cells.len()]),
-                Cells::Shorts(cells) => Cells::Bytes(vec![b"text".to_vec(); cells.len()]),
-                Cells::Numbers(cells) => Cells::Bytes(vec![b"text".to_vec(); cells.len()]),
-                Cells::Floats(cells) => Cells::Bytes(vec![b"text".to_vec(); cells.len()]),
-                Cells::Doubles(cells) => Cells::Bytes(vec![b"text".to_vec(); cells.len()]),
-                Cells::Sides(cells) => Cells::Bytes(vec![b"text".to_vec(); cells.len()]),
+            let Cells { kind, rows, .. } = columns[changed].1;
+            columns[changed].1 = match kind {
+                Kind::BYTE_ARRAY => lists::<DoubleType>(vec![vec![1.5, 2.5]; rows]),
+                _ => flat::<ByteArrayType>(vec!["text"; rows]),
             };
-            columns[changed].1 = rows;
             write(folder.path(), component, &columns, PLAIN);
             let said = said(folder.path());
             // The bounds of angles are not looked at where the angles are given, and the second laser has none then.
@@ -102,60 +99,72 @@ fn columns_of_another_type() {
     }
 }
 
-/// Replaces the cells of a column.
-fn changed(component: &str, name: &str, cells: impl FnOnce(&Cells) -> Cells) -> String {
+/// A segment with other cells in a column.
+fn changed(component: &str, name: &str, cells: Cells) -> tempfile::TempDir {
     let folder = segment();
     let mut columns = columns(component);
-    let column = columns.iter_mut().find(|(column, _)| column.ends_with(name)).expect("a column");
-    column.1 = cells(&column.1);
+    columns.iter_mut().find(|(column, _)| column.ends_with(name)).expect("a column").1 = cells;
     write(folder.path(), component, &columns, PLAIN);
-    said(folder.path())
+    folder
 }
 
 #[test]
 fn values_without_meaning() {
     let count = FRAMES * lasers().len();
-    let sides = |sides: [i32; 3]| move |_: &Cells| Cells::Sides(vec![sides.to_vec(); count]);
-    for shape in [[i32::MAX; 3], [-1, -1, 4], [0, 0, 0], [12, 90, 5]] {
-        let said = changed("lidar", "return1.shape", sides(shape));
-        assert!(said.contains("expected rows, columns and channels of an image"), "{shape:?}: {said}");
+    let shaped = |sides: [i32; 3]| lists::<Int32Type>(vec![sides.to_vec(); count]);
+    let shape = "expected rows, columns and channels of an image";
+    for (component, name, cells, parts) in [
+        ("lidar", "return1.shape", shaped([i32::MAX; 3]), &[shape][..]),
+        ("lidar", "return1.shape", shaped([-1, -1, 4]), &[shape]),
+        ("lidar", "return1.shape", shaped([0, 0, 0]), &[shape]),
+        ("lidar", "return1.shape", shaped([12, 90, 5]), &[shape]),
+        ("lidar", "return1.values", lists::<FloatType>(vec![Vec::new(); count]), &["on 0 values"]),
+        ("lidar_pose", "return1.values", lists::<FloatType>(vec![vec![0.0; 7]; FRAMES]), &["on 7 values"]),
+        (
+            "lidar_calibration",
+            "beam_inclination.values",
+            lists::<DoubleType>(vec![vec![0.1; 3]; 2]),
+            &["3 angles of beams for 12 rows"],
+        ),
+        (
+            "vehicle_pose",
+            "transform",
+            lists::<DoubleType>(vec![vec![1.0; 16]; FRAMES]),
+            &["row 0 of group 0: expected sound values"],
+        ),
+        ("vehicle_pose", "frame_timestamp_micros", flat::<Int64Type>([5; FRAMES]), &["expected one row, found two"]),
+        ("camera_calibration", "width", flat::<Int32Type>([i32::MAX; 2]), &["expected a lens"]),
+        ("camera_calibration", "k1", flat::<DoubleType>([50.0; 2]), &["expected a lens", "50.0"]),
+        (
+            "camera_calibration",
+            "height",
+            flat::<Int32Type>([HEIGHT as i32 + 1; 2]),
+            &["60 x 41 pixels, as the calibration says, found 60 x 40"],
+        ),
+        (
+            "camera_image",
+            "image",
+            flat::<ByteArrayType>(["no image"; FRAMES * 2]),
+            &["expected a readable PNG or JPEG"],
+        ),
+        ("lidar", "key.laser_name", flat::<Int32Type>(vec![9; count]), &["the number or name of a sensor"]),
+    ] {
+        let said = said(changed(component, name, cells).path());
+        assert!(parts.iter().all(|part| said.contains(part)), "{component}, {name}: {said}");
     }
-    let said = changed("lidar", "return1.values", |_| Cells::Floats(vec![Vec::new(); count]));
-    assert!(said.contains("on 0 values"), "{said}");
-    let said = changed("lidar_pose", "return1.values", |_| Cells::Floats(vec![vec![0.0; 7]; FRAMES]));
-    assert!(said.contains("on 7 values"), "{said}");
-    let said = changed("lidar_calibration", "beam_inclination.values", |_| Cells::Doubles(vec![vec![0.1; 3]; 2]));
-    assert!(said.contains("3 angles of beams for 12 rows"), "{said}");
-    let said = changed("vehicle_pose", "transform", |_| Cells::Doubles(vec![vec![1.0; 16]; FRAMES]));
-    assert!(said.contains("row 0 of group 0: expected sound values"), "{said}");
-    let said = changed("vehicle_pose", "frame_timestamp_micros", |_| Cells::Integers(vec![5; FRAMES]));
-    assert!(said.contains("expected one row, found two"), "{said}");
-    let said = changed("camera_calibration", "width", |_| Cells::Shorts(vec![i32::MAX; 2]));
-    assert!(said.contains("expected a lens"), "{said}");
-    let said = changed("camera_calibration", "k1", |_| Cells::Numbers(vec![Some(50.0); 2]));
-    assert!(said.contains("expected a lens") && said.contains("50.0"), "{said}");
-    let said = changed("camera_calibration", "height", |_| Cells::Shorts(vec![HEIGHT as i32 + 1; 2]));
-    assert!(said.contains("60 x 41 pixels, as the calibration says, found 60 x 40"), "{said}");
-    let said = changed("camera_image", "image", |_| Cells::Bytes(vec![b"no image".to_vec(); FRAMES * 2]));
-    assert!(said.contains("expected a readable PNG or JPEG"), "{said}");
-    let said = changed("lidar", "key.laser_name", |_| Cells::Shorts(vec![9; count]));
-    assert!(said.contains("the number or name of a sensor"), "{said}");
 }
 
 /// Points that are not finite or far away are counted and left out; without poses of pixels the sweep is refused.
 #[test]
 fn ranges_without_meaning() {
-    let folder = segment();
-    let mut columns = columns("lidar");
-    let column = columns.iter_mut().find(|(name, _)| name.ends_with("return1.values")).expect("a column");
-    if let Cells::Floats(images) = &mut column.1 {
-        (images[0][0], images[0][4], images[0][8]) = (f32::NAN, f32::INFINITY, 1e9);
-    }
-    write(folder.path(), "lidar", &columns, PLAIN);
+    let mut images: Vec<Vec<f32>> =
+        (0..FRAMES).flat_map(|frame| lasers().map(|laser| range_image(&laser, frame))).collect();
+    (images[0][0], images[0][4], images[0][8]) = (f32::NAN, f32::INFINITY, 1e9);
+    let folder = changed("lidar", "return1.values", lists::<FloatType>(images));
     let sweep = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened").sweep(0).expect("a sweep");
     assert_eq!(sweep.left_out, 3);
-    let stamps = |_: &Cells| Cells::Integers((0..FRAMES as i64).collect());
-    let said = changed("lidar_pose", "frame_timestamp_micros", stamps);
+    let folder = changed("lidar_pose", "frame_timestamp_micros", flat::<Int64Type>(0..FRAMES as i64));
+    let said = said(folder.path());
     assert!(said.contains("no poses of the pixels"), "{said}");
 }
 

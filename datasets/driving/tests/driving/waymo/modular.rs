@@ -1,11 +1,12 @@
 //! The scene in the layout of version 2.
 
 use std::fs::File;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, LazyLock};
 
 use parquet::basic::{ConvertedType, Repetition, Type as Kind};
-use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::data_type::{ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
 use parquet::file::properties::{WriterProperties, WriterVersion};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::Type;
@@ -15,73 +16,49 @@ use super::scene::*;
 /// The name of the segment.
 pub const NAME: &str = "10023947602400723454_1120_000_1140_000";
 
-/// Cells of a column; lists may be empty, and a flat cell is a list of one value or none.
-pub enum Cells {
-    Integers(Vec<i64>),
-    Shorts(Vec<i32>),
-    Numbers(Vec<Option<f64>>),
-    Bytes(Vec<Vec<u8>>),
-    Floats(Vec<Vec<f32>>),
-    Doubles(Vec<Vec<f64>>),
-    Sides(Vec<Vec<i32>>),
+/// Writes cells of some rows into a group.
+type Writer = Box<dyn Fn(&mut SerializedRowGroupWriter<'_, File>, Range<usize>)>;
+
+/// Cells of a column; lists may be empty.
+pub struct Cells {
+    pub kind: Kind,
+    pub rows: usize,
+    is_list: bool,
+    write: Writer,
 }
 
 pub type Columns = Vec<(String, Cells)>;
 
-impl Cells {
-    fn len(&self) -> usize {
-        match self {
-            Self::Integers(cells) => cells.len(),
-            Self::Shorts(cells) => cells.len(),
-            Self::Numbers(cells) => cells.len(),
-            Self::Bytes(cells) => cells.len(),
-            Self::Floats(cells) => cells.len(),
-            Self::Doubles(cells) => cells.len(),
-            Self::Sides(cells) => cells.len(),
-        }
-    }
+/// A value in each row.
+pub fn flat<T: DataType>(values: impl IntoIterator<Item = impl Into<T::T>>) -> Cells {
+    cells::<T>(values.into_iter().map(|value| vec![value.into()]).collect(), false)
+}
 
+/// A list in each row.
+pub fn lists<T: DataType>(lists: impl IntoIterator<Item = Vec<T::T>>) -> Cells {
+    cells::<T>(lists.into_iter().collect(), true)
+}
+
+fn cells<T: DataType>(cells: Vec<Vec<T::T>>, is_list: bool) -> Cells {
+    let (kind, rows) = (T::get_physical_type(), cells.len());
+    Cells { kind, rows, is_list, write: Box::new(move |group, rows| column::<T>(group, cells[rows].to_vec(), is_list)) }
+}
+
+impl Cells {
     fn described(&self, name: &str) -> Type {
-        let leaf = |name: &str, kind: Kind| {
-            Type::primitive_type_builder(name, kind).with_repetition(Repetition::OPTIONAL).build().expect("a column")
+        let leaf = |name: &str| {
+            let builder = Type::primitive_type_builder(name, self.kind).with_repetition(Repetition::OPTIONAL);
+            builder.build().expect("a column")
         };
-        let (kind, is_list) = match self {
-            Self::Integers(_) => (Kind::INT64, false),
-            Self::Shorts(_) => (Kind::INT32, false),
-            Self::Numbers(_) => (Kind::DOUBLE, false),
-            Self::Bytes(_) => (Kind::BYTE_ARRAY, false),
-            Self::Floats(_) => (Kind::FLOAT, true),
-            Self::Doubles(_) => (Kind::DOUBLE, true),
-            Self::Sides(_) => (Kind::INT32, true),
-        };
-        if !is_list {
-            return leaf(name, kind);
+        if !self.is_list {
+            return leaf(name);
         }
         let group = |name: &str, repetition, inner: Type, converted| {
             let builder = Type::group_type_builder(name).with_repetition(repetition).with_converted_type(converted);
             builder.with_fields(vec![Arc::new(inner)]).build().expect("a list")
         };
-        let inner = group("list", Repetition::REPEATED, leaf("element", kind), ConvertedType::NONE);
+        let inner = group("list", Repetition::REPEATED, leaf("element"), ConvertedType::NONE);
         group(name, Repetition::OPTIONAL, inner, ConvertedType::LIST)
-    }
-
-    fn write(&self, group: &mut SerializedRowGroupWriter<'_, File>, rows: std::ops::Range<usize>) {
-        let single = |values: Vec<_>| values;
-        match self {
-            Self::Integers(c) => column::<Int64Type>(group, single(c[rows].iter().map(|v| vec![*v]).collect()), false),
-            Self::Shorts(c) => column::<Int32Type>(group, c[rows].iter().map(|v| vec![*v]).collect(), false),
-            Self::Numbers(c) => {
-                column::<DoubleType>(group, c[rows].iter().map(|v| v.iter().copied().collect()).collect(), false)
-            }
-            Self::Bytes(c) => column::<ByteArrayType>(
-                group,
-                c[rows].iter().map(|v| vec![ByteArray::from(v.clone())]).collect(),
-                false,
-            ),
-            Self::Floats(c) => column::<FloatType>(group, c[rows].to_vec(), true),
-            Self::Doubles(c) => column::<DoubleType>(group, c[rows].to_vec(), true),
-            Self::Sides(c) => column::<Int32Type>(group, c[rows].to_vec(), true),
-        }
     }
 }
 
@@ -130,11 +107,11 @@ pub fn write(root: &Path, component: &str, columns: &[(String, Cells)], style: S
         .build();
     let file = File::create(folder.join(format!("{NAME}.parquet"))).expect("a file");
     let mut writer = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties)).expect("a writer");
-    let rows = columns[0].1.len();
+    let rows = columns[0].1.rows;
     for start in (0..rows).step_by(style.group) {
         let mut group = writer.next_row_group().expect("a group");
         for (_, cells) in columns {
-            cells.write(&mut group, start..(start + style.group).min(rows));
+            (cells.write)(&mut group, start..(start + style.group).min(rows));
         }
         group.close().expect("closed");
     }
@@ -161,29 +138,23 @@ fn named(component: &str, columns: Vec<(&str, Cells)>) -> Columns {
 /// The columns of all components.
 pub fn components() -> Vec<(&'static str, Columns)> {
     let (lasers, cameras) = (lasers(), cameras());
-    let of_vehicle: Vec<i64> = (0..FRAMES).map(stamp).collect();
+    let of_vehicle = || flat::<Int64Type>((0..FRAMES).map(stamp));
     let pose = |t: f64| rows(&vehicle(t));
     let scans = each(&lasers);
-    let stamps = || Cells::Integers(scans.clone().map(|(frame, _)| stamp(frame)).collect());
-    let numbers = || Cells::Shorts(scans.clone().map(|(_, laser)| laser.number as i32).collect());
-    let sides = |channels: i32| {
-        Cells::Sides(scans.clone().map(|(_, l)| vec![l.rows as i32, l.columns as i32, channels]).collect())
-    };
-    let images = |image: &dyn Fn(&Laser, usize) -> Vec<f32>| {
-        Cells::Floats(scans.clone().map(|(frame, laser)| image(laser, frame)).collect())
+    let sides = |l: &Laser, channels: i32| vec![l.rows as i32, l.columns as i32, channels];
+    let images = |image: fn(&Laser, usize) -> Vec<f32>| {
+        lists::<FloatType>(scans.clone().map(move |(frame, laser)| image(laser, frame)))
     };
     let shots = each(&cameras);
-    let top = [&lasers[0]];
-    let turns = each(&top);
-    let intrinsics = |i: usize| Cells::Numbers(cameras.iter().map(|camera| Some(camera.intrinsic[i])).collect());
-    let mut calibration: Vec<(&str, Cells)> =
-        vec![("key.camera_name", Cells::Shorts(cameras.iter().map(|camera| camera.number as i32).collect()))];
+    let intrinsics = |i: usize| flat::<DoubleType>(cameras.iter().map(|camera| camera.intrinsic[i]));
     let names = ["f_u", "f_v", "c_u", "c_v", "k1", "k2", "p1", "p2", "k3"].map(|name| format!("intrinsic.{name}"));
+    let mut calibration =
+        vec![("key.camera_name", flat::<Int32Type>(cameras.iter().map(|camera| camera.number as i32)))];
     calibration.extend(names.iter().enumerate().map(|(i, name)| (name.as_str(), intrinsics(i))));
     calibration.extend([
-        ("extrinsic.transform", Cells::Doubles(cameras.iter().map(|camera| rows(&camera.place)).collect())),
-        ("width", Cells::Shorts(vec![WIDTH as i32; 2])),
-        ("height", Cells::Shorts(vec![HEIGHT as i32; 2])),
+        ("extrinsic.transform", lists::<DoubleType>(cameras.iter().map(|camera| rows(&camera.place)))),
+        ("width", flat::<Int32Type>([WIDTH as i32; 2])),
+        ("height", flat::<Int32Type>([HEIGHT as i32; 2])),
     ]);
     let bound = |of: fn(&(f64, f64)) -> f64| {
         // As in the data set, where the bounds of given angles are there too.
@@ -191,108 +162,68 @@ pub fn components() -> Vec<(&'static str, Columns)> {
             Ok(angles) => (angles[0], angles[angles.len() - 1]),
             Err(bounds) => *bounds,
         };
-        Cells::Numbers(lasers.iter().map(|laser| Some(of(&bounds(laser)))).collect())
+        flat::<DoubleType>(lasers.iter().map(|laser| of(&bounds(laser))))
     };
     let labels: Vec<_> = (0..FRAMES).map(label).collect();
-    let of_box = |value: &dyn Fn(usize) -> f64| Cells::Numbers((0..FRAMES).map(|f| Some(value(f))).collect());
+    let of_box = |value: &dyn Fn(usize) -> f64| flat::<DoubleType>((0..FRAMES).map(value));
+    let vehicle_pose = vec![
+        ("key.segment_context_name", flat::<ByteArrayType>([NAME; FRAMES])),
+        ("key.frame_timestamp_micros", of_vehicle()),
+        ("world_from_vehicle.transform", lists::<DoubleType>((0..FRAMES).map(|frame| pose(middle(frame))))),
+    ];
+    let lidar = vec![
+        ("key.frame_timestamp_micros", flat::<Int64Type>(scans.clone().map(|(frame, _)| stamp(frame)))),
+        ("key.laser_name", flat::<Int32Type>(scans.clone().map(|(_, laser)| laser.number as i32))),
+        ("range_image_return1.values", images(range_image)),
+        ("range_image_return1.shape", lists::<Int32Type>(scans.clone().map(|(_, laser)| sides(laser, 4)))),
+        ("range_image_return2.values", images(second_image)),
+        ("range_image_return2.shape", lists::<Int32Type>(scans.clone().map(|(_, laser)| sides(laser, 4)))),
+    ];
+    let top = &lasers[0];
+    let lidar_pose = vec![
+        ("key.frame_timestamp_micros", of_vehicle()),
+        ("key.laser_name", flat::<Int32Type>([1; FRAMES])),
+        ("range_image_return1.values", lists::<FloatType>((0..FRAMES).map(|frame| pose_image(top, frame)))),
+        ("range_image_return1.shape", lists::<Int32Type>((0..FRAMES).map(|_| sides(top, 6)))),
+    ];
+    let lidar_calibration = vec![
+        ("key.laser_name", flat::<Int32Type>(lasers.iter().map(|laser| laser.number as i32))),
+        ("extrinsic.transform", lists::<DoubleType>(lasers.iter().map(|laser| rows(&laser.place)))),
+        ("beam_inclination.min", bound(|bounds| bounds.0)),
+        ("beam_inclination.max", bound(|bounds| bounds.1)),
+        (
+            "beam_inclination.values",
+            lists::<DoubleType>(lasers.iter().map(|laser| laser.angles.clone().unwrap_or_default())),
+        ),
+    ];
+    let seconds = |frame: usize, camera: &Camera| STAMP as f64 * 1e-6 + exposure(frame, camera);
+    let camera_image = vec![
+        ("key.frame_timestamp_micros", flat::<Int64Type>(shots.clone().map(|(frame, _)| stamp(frame)))),
+        ("key.camera_name", flat::<Int32Type>(shots.clone().map(|(_, camera)| camera.number as i32))),
+        ("image", flat::<ByteArrayType>(shots.clone().map(|(_, camera)| png(camera)))),
+        ("pose.transform", lists::<DoubleType>(shots.clone().map(|(f, camera)| pose(exposure(f, camera))))),
+        ("pose_timestamp", flat::<DoubleType>(shots.map(|(frame, camera)| seconds(frame, camera)))),
+    ];
+    let lidar_box = vec![
+        ("key.frame_timestamp_micros", of_vehicle()),
+        ("key.laser_object_id", flat::<ByteArrayType>(["the-box"; FRAMES])),
+        ("box.center.x", of_box(&|frame| labels[frame].0.x)),
+        ("box.center.y", of_box(&|frame| labels[frame].0.y)),
+        ("box.center.z", of_box(&|frame| labels[frame].0.z)),
+        ("box.size.x", of_box(&|_| LABEL_SIZE.x)),
+        ("box.size.y", of_box(&|_| LABEL_SIZE.y)),
+        ("box.size.z", of_box(&|_| LABEL_SIZE.z)),
+        ("box.heading", of_box(&|frame| labels[frame].1)),
+        ("type", flat::<Int32Type>([1; FRAMES])),
+    ];
     vec![
-        (
-            "vehicle_pose",
-            named(
-                "VehiclePose",
-                vec![
-                    ("key.segment_context_name", Cells::Bytes(vec![NAME.into(); FRAMES])),
-                    ("key.frame_timestamp_micros", Cells::Integers(of_vehicle.clone())),
-                    (
-                        "world_from_vehicle.transform",
-                        Cells::Doubles((0..FRAMES).map(|frame| pose(middle(frame))).collect()),
-                    ),
-                ],
-            ),
-        ),
-        (
-            "lidar",
-            named(
-                "LiDAR",
-                vec![
-                    ("key.frame_timestamp_micros", stamps()),
-                    ("key.laser_name", numbers()),
-                    ("range_image_return1.values", images(&range_image)),
-                    ("range_image_return1.shape", sides(4)),
-                    ("range_image_return2.values", images(&second_image)),
-                    ("range_image_return2.shape", sides(4)),
-                ],
-            ),
-        ),
-        (
-            "lidar_pose",
-            named(
-                "LiDARPose",
-                vec![
-                    ("key.frame_timestamp_micros", Cells::Integers(of_vehicle.clone())),
-                    ("key.laser_name", Cells::Shorts(vec![1; FRAMES])),
-                    (
-                        "range_image_return1.values",
-                        Cells::Floats(turns.clone().map(|(frame, laser)| pose_image(laser, frame)).collect()),
-                    ),
-                    (
-                        "range_image_return1.shape",
-                        Cells::Sides(turns.map(|(_, l)| vec![l.rows as i32, l.columns as i32, 6]).collect()),
-                    ),
-                ],
-            ),
-        ),
-        (
-            "lidar_calibration",
-            named(
-                "LiDARCalibration",
-                vec![
-                    ("key.laser_name", Cells::Shorts(lasers.iter().map(|laser| laser.number as i32).collect())),
-                    ("extrinsic.transform", Cells::Doubles(lasers.iter().map(|laser| rows(&laser.place)).collect())),
-                    ("beam_inclination.min", bound(|bounds| bounds.0)),
-                    ("beam_inclination.max", bound(|bounds| bounds.1)),
-                    (
-                        "beam_inclination.values",
-                        Cells::Doubles(lasers.iter().map(|laser| laser.angles.clone().unwrap_or_default()).collect()),
-                    ),
-                ],
-            ),
-        ),
-        (
-            "camera_image",
-            named(
-                "CameraImage",
-                vec![
-                    ("key.frame_timestamp_micros", Cells::Integers(shots.clone().map(|(f, _)| stamp(f)).collect())),
-                    ("key.camera_name", Cells::Shorts(shots.clone().map(|(_, c)| c.number as i32).collect())),
-                    ("image", Cells::Bytes(shots.clone().map(|(_, camera)| png(camera)).collect())),
-                    ("pose.transform", Cells::Doubles(shots.clone().map(|(f, c)| pose(exposure(f, c))).collect())),
-                    (
-                        "pose_timestamp",
-                        Cells::Numbers(shots.map(|(f, c)| Some(STAMP as f64 * 1e-6 + exposure(f, c))).collect()),
-                    ),
-                ],
-            ),
-        ),
+        ("vehicle_pose", named("VehiclePose", vehicle_pose)),
+        ("lidar", named("LiDAR", lidar)),
+        ("lidar_pose", named("LiDARPose", lidar_pose)),
+        ("lidar_calibration", named("LiDARCalibration", lidar_calibration)),
+        ("camera_image", named("CameraImage", camera_image)),
         ("camera_calibration", named("CameraCalibration", calibration)),
-        (
-            "lidar_box",
-            named(
-                "LiDARBox",
-                vec![
-                    ("key.frame_timestamp_micros", Cells::Integers(of_vehicle)),
-                    ("key.laser_object_id", Cells::Bytes(vec![b"the-box".to_vec(); FRAMES])),
-                    ("box.center.x", of_box(&|frame| labels[frame].0.x)),
-                    ("box.center.y", of_box(&|frame| labels[frame].0.y)),
-                    ("box.center.z", of_box(&|frame| labels[frame].0.z)),
-                    ("box.size.x", of_box(&|_| LABEL_SIZE.x)),
-                    ("box.size.y", of_box(&|_| LABEL_SIZE.y)),
-                    ("box.size.z", of_box(&|_| LABEL_SIZE.z)),
-                    ("box.heading", of_box(&|frame| labels[frame].1)),
-                    ("type", Cells::Shorts(vec![1; FRAMES])),
-                ],
-            ),
-        ),
+        ("lidar_box", named("LiDARBox", lidar_box)),
     ]
 }
 

@@ -1,41 +1,16 @@
 //! PLY files of other programs: compressed ones, and harmonics of degree 4.
 
-use std::fs;
-use std::path::Path;
-
-use gs_splats::ply::read;
-
-fn header_len(bytes: &[u8]) -> usize {
-    let end = b"end_header\n";
-    bytes.windows(end.len()).position(|window| window == end).expect("a header") + end.len()
-}
-
-#[track_caller]
-fn assert_refused(path: &Path, bytes: &[u8], message: &str) {
-    fs::write(path, bytes).expect("written");
-    let error = read(path).expect_err("refused").to_string();
-    assert!(error.contains(message) && error.contains("scene.ply"), "{error}");
-}
-
-/// The layout of 3DGS with harmonics of degree 4, and one vertex.
-fn header_of_degree_4() -> String {
-    let fixed = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2"];
-    let names = fixed.into_iter().chain(["rot_0", "rot_1", "rot_2", "rot_3"]).map(str::to_owned);
-    let names = names.chain((0..72).map(|k| format!("f_rest_{k}")));
-    let properties: String = names.map(|name| format!("property float {name}\n")).collect();
-    format!("ply\nformat binary_little_endian 1.0\nelement vertex 1\n{properties}end_header\n")
-}
+use super::*;
 
 /// A vertex of degree 4 whose harmonics count up: of each channel's 24 the first 15 stay.
 #[test]
 fn harmonics_of_degree_4_are_cut() {
-    let folder = tempfile::tempdir().expect("no error");
-    let path = folder.path().join("scene.ply");
-    let mut bytes = header_of_degree_4().into_bytes();
+    let (_folder, path) = place();
+    let mut bytes = header_of_degree(4).replace("vertex 0", "vertex 1").into_bytes();
     let numbers = (0..14).map(|_| 0.5).chain((0..72).map(|k| k as f32));
     numbers.for_each(|x: f32| bytes.extend(x.to_le_bytes()));
-    fs::write(&path, bytes).expect("no error");
-    let scene = read(&path).expect("no error");
+    fs::write(&path, bytes).unwrap();
+    let scene = read(&path).unwrap();
     assert_eq!((scene.splats.degree, scene.sh_degree), (3, 4));
     let sh = &scene.splats.sh;
     assert_eq!((sh.len(), sh[1], sh[15]), (16, [0.0, 24.0, 48.0], [14.0, 38.0, 62.0]));
@@ -45,11 +20,10 @@ fn harmonics_of_degree_4_are_cut() {
 /// 255.
 #[test]
 fn compressed_files_are_read() {
-    let folder = tempfile::tempdir().expect("no error");
-    let path = folder.path().join("scene.ply");
+    let (_folder, path) = place();
     let bytes = compressed();
-    fs::write(&path, &bytes).expect("no error");
-    let scene = read(&path).expect("no error");
+    fs::write(&path, &bytes).unwrap();
+    let scene = read(&path).unwrap();
     let g = &scene.splats;
     assert_eq!((g.len(), scene.sh_degree), (2, 1));
     assert_eq!(g.means, [[-1.0, -2.0, -3.0], [1.0, 2.0, 3.0]]);
@@ -63,13 +37,10 @@ fn compressed_files_are_read() {
     assert!((sh[0][0] - 1.772).abs() < 1e-3 && (sh[0][1] + 1.772).abs() < 1e-3, "{sh:?}");
     assert_eq!(sh[1], [-4.0, 0.015625, 4.0], "red, green and blue of the first coefficient");
     for length in (0..bytes.len()).step_by(13).chain([bytes.len() - 1]) {
-        fs::write(&path, &bytes[..length]).expect("no error");
+        fs::write(&path, &bytes[..length]).unwrap();
         assert!(read(&path).is_err(), "{length} bytes");
     }
-    let header = String::from_utf8_lossy(&bytes[..header_len(&bytes)]).into_owned();
-    let with = |from: &str, to: &str| {
-        [header.replacen(from, to, 1).into_bytes(), bytes[header_len(&bytes)..].to_vec()].concat()
-    };
+    let with = |from: &str, to: &str| with(&bytes, from, to);
     assert_refused(&path, &with("vertex 2", "vertex 3"), "cut short");
     assert_refused(&path, &with("chunk 1", "chunk 0"), "chunks of 256");
     assert_refused(&path, &with("sh 2", "sh 1"), "harmonics");
