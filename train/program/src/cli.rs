@@ -266,11 +266,6 @@ pub struct BenchArgs {
     #[arg(long)]
     pub launches: bool,
 
-    /// Time the step of a rollout through time by stage over the length of the rollout and the number of moving
-    /// Gaussians instead
-    #[arg(long, conflicts_with = "launches")]
-    pub rollout: bool,
-
     /// Device
     #[command(flatten)]
     pub device: DeviceArgs,

@@ -17,7 +17,7 @@ use rand::Rng;
 
 use crate::cli::BenchArgs;
 use crate::commands::{describe, device, print};
-use gs_pipelines::bench::{BENCH_STEPS, rollout_table};
+use gs_pipelines::bench::BENCH_STEPS;
 use gs_train::config::LossConfig;
 use gs_train::fit::losses::{photometric, regularised};
 use gs_train::fit::parameters::{from_host, gaussians as gaussians_of};
@@ -52,16 +52,6 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     let degree = usize::from(args.sh_degree);
     let gaussians = scene(args, &device);
     let camera = camera(args, &device);
-    if args.rollout {
-        print(format!(
-            "{} Gaussians, {width}x{height}, {}, {} threads",
-            args.gaussians,
-            describe(&device),
-            rayon::current_num_threads()
-        ));
-        rollout_table(&gaussians, &camera, args.repeat, print);
-        return Ok(ExitCode::SUCCESS);
-    }
     let k = camera.intrinsics;
     let options = RenderOptions::default();
     let rendering = render(&gaussians, &camera, &options);
