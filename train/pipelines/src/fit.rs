@@ -35,7 +35,7 @@ use gs_train::run::exchange::host::gaussians_of;
 use gs_train::run::fingerprint::Fingerprint;
 use gs_train::run::folder::{Setting, full_path};
 use gs_train::run::memory::Prediction;
-use gs_train::run::metrics::{psnr, psnr_masked};
+use gs_train::run::metrics::psnr_counted;
 use gs_train::run::outcome::{Contents, Outcome, ScenePhotos};
 use gs_train::run::presentation::{self, Presentation, PresentedScene};
 use gs_train::run::progress;
@@ -311,10 +311,7 @@ fn observe<M: SceneMethod>(run: &mut Run, session: &Session<M>, stepped: Stepped
     run.observe(trainer.step, (report.loss, trainer.skipped), &counts, || {
         let (image, photo) = report.images.first().zip(photos.first())?;
         let (image, truth) = (image.clone().clamp(0.0, 1.0), photo.image.clone());
-        Some(match &photo.mask {
-            None => psnr(image, truth),
-            Some(mask) => psnr_masked(image, truth, mask.clone()),
-        })
+        Some(psnr_counted(image, truth, photo.mask.clone()))
     });
 }
 

@@ -103,11 +103,10 @@ impl<'a, X: Extra> Photos<'a, X> {
 }
 
 fn upload<X>(view: &View, device: &Device, pixel: f64, extra: X) -> Photo<X> {
-    let tensor = |bytes: &[u8], channels| to_tensor(view, bytes, channels, device);
     Photo {
         camera: camera(view, device),
-        image: tensor(&view.image.data, 3),
-        mask: view.mask.as_ref().map(|mask| tensor(mask, 1)),
+        image: to_tensor(view, &view.image.data, 3, device),
+        mask: mask_of(view, device),
         time: view.time.unwrap_or(0.0),
         pixel,
         extra,
@@ -117,6 +116,11 @@ fn upload<X>(view: &View, device: &Device, pixel: f64, extra: X) -> Photo<X> {
 /// The camera of a view.
 pub fn camera(view: &View, device: &Device) -> Camera {
     Camera::from_c2w(view.c2w, view.intrinsics, view.width, view.height, device)
+}
+
+/// The mask of a view, `[H, W, 1]`: 1 where it counts; `None` if every pixel does.
+pub fn mask_of(view: &View, device: &Device) -> Option<Tensor<3>> {
+    view.mask.as_ref().map(|mask| to_tensor(view, mask, 1, device))
 }
 
 /// Bytes of an image of the view's size as floats from 0 to 1, `[H, W, channels]`.

@@ -34,6 +34,14 @@ pub fn psnr_masked(image: Tensor<3>, truth: Tensor<3>, mask: Tensor<3>) -> f64 {
     psnr_of_mse(f64::from(squares) / (3.0 * f64::from(pixels).max(1.0)))
 }
 
+/// PSNR over the pixels at which `counts` `[H, W, 1]` is 1; over all without it.
+pub fn psnr_counted(image: Tensor<3>, truth: Tensor<3>, counts: Option<Tensor<3>>) -> f64 {
+    match counts {
+        None => psnr(image, truth),
+        Some(counts) => psnr_masked(image, truth, counts),
+    }
+}
+
 /// PSNR in dB of a mean squared error; at most `PSNR_MAX`.
 pub fn psnr_of_mse(mse: f64) -> f64 {
     -10.0 * mse.max(mse_of_psnr(PSNR_MAX)).log10()

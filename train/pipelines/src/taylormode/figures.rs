@@ -17,9 +17,9 @@ use super::update::learns_exposure;
 use super::{Config, Step, Taylormode};
 use gs_train::fit::figure::{Better, Figure, FigureTable, Figures};
 use gs_train::fit::parameters::to_host;
-use gs_train::fit::photos::{camera, to_tensor};
+use gs_train::fit::photos::{camera, mask_of, to_tensor};
 use gs_train::run::memory::megabytes;
-use gs_train::run::metrics::{psnr, psnr_masked};
+use gs_train::run::metrics::psnr_counted;
 
 /// Samples of a measured blur, independent of training: enough that more change nothing visible up to about sixty
 /// pixels of motion.
@@ -138,10 +138,7 @@ impl Moving<'_> {
         let blurry = view.truth.blurry.as_ref()?;
         let truth = to_tensor(view, &blurry.data, 3, &self.gaussians.device());
         let formed = form_blur(self.model, self.gaussians, view, self.at);
-        Some(match &view.mask {
-            None => psnr(formed, truth),
-            Some(mask) => psnr_masked(formed, truth.clone(), to_tensor(view, mask, 1, &truth.device())),
-        })
+        Some(psnr_counted(formed, truth, mask_of(view, &self.gaussians.device())))
     }
 
     /// The world velocities that form the blur, at each pixel, `[H * W * 3]`, and the pixels' alpha, `[H * W]`.

@@ -10,10 +10,10 @@ use super::renderer::{PredictedScene, pose_of};
 use super::{ONE_TIME, strip};
 use crate::report::charts::{Chart, Series};
 use crate::report::future::strip::Picture;
-use gs_train::fit::photos::to_tensor;
+use gs_train::fit::photos::{mask_of, to_tensor};
 use gs_train::fit::told::{MOVING, given_regions};
 use gs_train::run::evaluate::PHOTO;
-use gs_train::run::metrics::{psnr, psnr_masked};
+use gs_train::run::metrics::{psnr_counted, psnr_masked};
 use gs_train::run::scene::through_time;
 
 /// Splits of the future, the first of which is charted: cameras that did not train, then those that did.
@@ -175,11 +175,8 @@ fn fits(image: &Tensor<3>, view: &View) -> bool {
 fn compared(image: Tensor<3>, view: &View) -> (f64, Option<f64>) {
     let device = image.device();
     let truth = to_tensor(view, &view.image.data, 3, &device);
-    let mask = view.mask.as_ref().map(|mask| to_tensor(view, mask, 1, &device));
-    let whole = match &mask {
-        None => psnr(image.clone(), truth.clone()),
-        Some(mask) => psnr_masked(image.clone(), truth.clone(), mask.clone()),
-    };
+    let mask = mask_of(view, &device);
+    let whole = psnr_counted(image.clone(), truth.clone(), mask.clone());
     let moving = given_regions(view).into_iter().find(|region| region.name == MOVING);
     let moving = moving.filter(|region| region.mask.iter().any(|inside| *inside > 0)).map(|region| {
         let inside = to_tensor(view, &region.mask, 1, &device);
