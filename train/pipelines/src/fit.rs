@@ -6,6 +6,7 @@ use std::path::Path;
 
 use anyhow::{Error, Result, bail, ensure};
 use burn::tensor::Device;
+use glam::{DMat4, DVec3};
 use gs_base::counted;
 use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
 use gs_datasets::{CheckReport, LoadOptions, Scene};
@@ -37,7 +38,7 @@ use gs_train::run::folder::{Setting, full_path};
 use gs_train::run::memory::Prediction;
 use gs_train::run::metrics::psnr_counted;
 use gs_train::run::outcome::{Contents, Outcome, ScenePhotos};
-use gs_train::run::presentation::{self, Presentation, PresentedScene};
+use gs_train::run::presentation;
 use gs_train::run::progress;
 use gs_train::run::resources::{Spent, Stopwatch};
 use gs_train::run::scene::{LoadedScene, SceneFile, SceneRun, placed_note, translated, within_reach, write_ply_as};
@@ -168,33 +169,13 @@ fn finish<M: SceneMethod>(
     files.tried("eval.json", written);
     let (history, written) = run.finish();
     files.tried("metrics.jsonl", written);
-    let scene = presented(&data, &trainer, config, &eval.name);
+    let scene = loaded(trainer.model(), config, trainer.facts, data.scene.origin, None);
+    let scene = scene.presented(&eval.name, presentation::cameras(&data.scene));
     let (facts, render, device) = (trainer.facts, config.render.clone(), job.device.clone());
     let photos = Some(ScenePhotos { photos: data.scene, facts, render, device });
     let contents =
         Contents { config: config.to_toml(), history, pictures, schedule, scene: Some(scene), photos, files };
     Ok(Ending::Finished(Outcome { eval, report: Some(Box::new(contents)) }))
-}
-
-/// The scene with its cameras, for the report.
-fn presented<M: SceneMethod>(
-    data: &Data<M>,
-    trainer: &Trainer<M>,
-    config: &FitConfig<M::Config>,
-    name: &str,
-) -> PresentedScene {
-    let gaussians = trainer.gaussians();
-    let scene = trainer.method().scene(gaussians.clone());
-    let presentation = Presentation {
-        name: name.into(),
-        options: trainer.facts.render_options(&config.render, gaussians.sh_degree()),
-        middle: trainer.method().middle(),
-        cameras: presentation::cameras(&data.scene),
-        distance: trainer.facts.subject_distance,
-        shutter: shutter::<M>(&*scene, config),
-        world: glam::DMat4::from_translation(data.scene.origin),
-    };
-    PresentedScene { scene, presentation }
 }
 
 /// Reads the data set at `path` for training and measuring.
@@ -361,7 +342,13 @@ impl<M: SceneMethod> Pipeline for Fit<M> {
 
     fn open(&self, checkpoint: &Checkpoint, dataset: Option<&Path>, device: &Device) -> Result<Opened> {
         let (model, config, notes) = read_model::<M>(checkpoint, device)?;
-        let loaded = loaded(&model, &config, &notes, checkpoint);
+        let run = SceneRun {
+            pipeline: M::NAME.into(),
+            dataset: checkpoint.origin.dataset.clone(),
+            step: notes.counters.step,
+            described: model.method.described(),
+        };
+        let loaded = loaded(&model, &config, notes.facts(), checkpoint.origin.world(), Some(run));
         let photos = dataset.map(|dataset| photos_of::<M>(dataset, &config, &loaded)).transpose()?;
         Ok(Opened { loaded, photos })
     }
@@ -382,7 +369,7 @@ impl<M: SceneMethod> Pipeline for Fit<M> {
                 let at = Step { step: 0, config: &config, facts: &facts, cues: &cues, room: None };
                 let method = M::at_rest(&scene, &at, request.device).map_err(Error::msg)?;
                 let gaussians = gaussians_of(&packed.splats, request.device);
-                (Model { gaussians, method }, facts, 0, glam::DVec3::from_array(packed.splats.offset))
+                (Model { gaussians, method }, facts, 0, DVec3::from_array(packed.splats.offset))
             }
         };
         // A file and a checkpoint have their `origin` subtracted, views have `scene.origin` subtracted.
@@ -415,7 +402,7 @@ fn photos_of<M: SceneMethod>(dataset: &Path, config: &FitConfig<M::Config>, load
     let mut photos = load::<M>(dataset, config)?;
     let shift = photos.origin - loaded.origin;
     let views = photos.train.iter_mut().chain(photos.held_out.iter_mut().flat_map(|split| &mut split.views));
-    views.for_each(|view| view.c2w = glam::DMat4::from_translation(shift) * view.c2w);
+    views.for_each(|view| view.c2w = DMat4::from_translation(shift) * view.c2w);
     photos.origin -= shift;
     let times = photos.train.iter().chain(photos.held_out_views()).filter_map(|view| view.time);
     loaded.reaches(&dataset.display().to_string(), times)?;
@@ -426,8 +413,9 @@ fn photos_of<M: SceneMethod>(dataset: &Path, config: &FitConfig<M::Config>, load
 fn loaded<M: SceneMethod>(
     model: &Model<M>,
     config: &FitConfig<M::Config>,
-    notes: &Notes,
-    checkpoint: &Checkpoint,
+    facts: SceneFacts,
+    origin: DVec3,
+    run: Option<SceneRun>,
 ) -> LoadedScene {
     let Model { gaussians, method } = model;
     let scene = method.scene(gaussians.clone());
@@ -435,16 +423,11 @@ fn loaded<M: SceneMethod>(
         shutter: shutter::<M>(&*scene, config),
         scene,
         gaussians: gaussians.clone(),
-        origin: checkpoint.origin.world(),
-        facts: notes.facts(),
+        origin,
+        facts,
         render: config.render.clone(),
         middle: method.middle(),
-        run: Some(SceneRun {
-            pipeline: M::NAME.into(),
-            dataset: checkpoint.origin.dataset.clone(),
-            step: notes.counters.step,
-            described: method.described(),
-        }),
+        run,
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::{Device, Tensor};
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use gs_base::local::is_far;
 use gs_base::{agree, counted, median};
 use gs_burn::{Gaussians, RenderOptions};
@@ -16,6 +16,7 @@ use super::evaluate::TIMES_AT_ONCE;
 use super::exchange::host::{gaussians_of, splats_of};
 use super::exchange::{MotionScene, Packed, motion_of, offset_note, read_packed, refuse_foreign};
 use super::folder::RunFolder;
+use super::presentation::{Camera, Presentation, PresentedScene};
 use crate::config::{Config, RenderConfig, brief};
 use crate::fit::density::ops::Draft;
 use crate::fit::facts::SceneFacts;
@@ -100,6 +101,20 @@ impl LoadedScene {
         let antialiased = is_known.then_some(self.render.antialiased);
         let splats = splats_of(&self.scene.at(t.unwrap_or(self.middle)), antialiased);
         Packed { splats: Splats { offset: self.origin.to_array(), ..splats }, motion, samples }
+    }
+
+    /// The scene as it is shown with these cameras.
+    pub fn presented(self, name: &str, cameras: Vec<Camera>) -> PresentedScene {
+        let presentation = Presentation {
+            name: name.into(),
+            options: self.render_options(self.gaussians.sh_degree()),
+            middle: self.middle,
+            cameras,
+            distance: self.facts.subject_distance,
+            shutter: self.shutter,
+            world: DMat4::from_translation(self.origin),
+        };
+        PresentedScene { scene: self.scene, presentation }
     }
 
     /// The options of a rendering at an SH degree.
