@@ -7,7 +7,6 @@ use anyhow::{Context, Result, anyhow, bail};
 use burn::tensor::Tensor;
 use gs_base::{counted, guarded, write_atomic};
 use gs_burn::{Gaussians, RenderOptions, render};
-use gs_datasets::image_io::encode_png;
 use gs_driving::{DrivingLog, Snippet, runs};
 use gs_models::DynamicScene;
 use gs_models::flux4d::FluxScene;
@@ -31,7 +30,7 @@ use super::world::in_world;
 use crate::Reconstruction;
 use gs_train::run::interrupt;
 use gs_train::run::metrics::psnr;
-use gs_train::run::outputs::{MARK, marked_png};
+use gs_train::run::outputs::{MARK, write_json, write_png};
 use gs_train::run::pixels::image_bytes;
 use gs_train::run::progress;
 use gs_train::run::results::Results;
@@ -276,8 +275,7 @@ impl Reconstructor<'_> {
     }
 
     fn write(&mut self, path: &Path, view: &HostView, pixels: &[u8]) -> Result<()> {
-        let png = encode_png(path, view.image.width, view.image.height, pixels)?;
-        write_atomic(path, &marked_png(&png))?;
+        write_png(path, [view.image.width, view.image.height], pixels)?;
         self.images += 1;
         Ok(())
     }
@@ -302,8 +300,7 @@ impl Reconstructor<'_> {
             flow: self.labels.figures(),
             tables: self.labels.table().into_iter().collect(),
         };
-        let text = serde_json::to_string_pretty(&summary).expect("figures are JSON") + "\n";
-        write_atomic(&self.folder.join(SUMMARY), text.as_bytes())?;
+        write_json(&self.folder.join(SUMMARY), &summary)?;
         Ok(summary)
     }
 }

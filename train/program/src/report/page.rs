@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 
 use anyhow::Result;
 use gs_base::{agree, counted};
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use super::cards::{self, thousands};
 use super::comparison::Table;
@@ -191,12 +190,9 @@ fn show_pictures(page: &mut String, pictures: &[SideBySide]) -> Result<()> {
         headline(pictures)
     )?;
     for picture in pictures {
-        let mut png = Vec::new();
-        let (width, height) = (picture.width as u32, picture.height as u32);
-        PngEncoder::new(&mut png).write_image(&picture.pixels, width, height, ExtendedColorType::Rgb8)?;
         let what = format!("{}: photo, rendering, error", picture.name);
         let caption = format!("{}, {}", html::name(&picture.name), shown_psnr(picture.psnr));
-        page.push_str(&html::figure(&png, [picture.width, picture.height], &what, &caption));
+        *page += &html::picture([picture.width, picture.height], &picture.pixels, &what, &caption)?;
     }
     page.push_str("</section>\n");
     Ok(())

@@ -8,7 +8,9 @@ use gs_datasets::{CameraPose, Scene, View};
 
 use crate::cli::ExtrapolateArgs;
 use crate::report::future::pose_of;
+use crate::report::future::strip::Picture;
 use gs_train::config::brief;
+use gs_train::run::outputs::write_png;
 
 /// Frames at most: `--frames` allows no more.
 const FRAMES_MAX: f64 = 10_000.0;
@@ -164,6 +166,14 @@ impl Files {
     /// A file by its name.
     pub fn at(&self, name: &str) -> PathBuf {
         self.root.join(name)
+    }
+
+    /// Writes a picture that a later call may write over.
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn picture(&self, name: &str, picture: &Picture) -> Result<()> {
+        write_png(&self.at(name), [picture.width, picture.height], &picture.pixels)
     }
 
     /// A frame of a camera.
