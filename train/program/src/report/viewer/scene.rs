@@ -214,8 +214,7 @@ impl Numbers {
     }
 
     fn sorted_sizes(&self) -> Vec<f32> {
-        let mut sizes: Vec<f32> =
-            self.0.log_scales.iter().map(|s| (s.iter().sum::<f32>() / 3.0).exp()).collect();
+        let mut sizes: Vec<f32> = self.0.log_scales.iter().map(|s| (s.iter().sum::<f32>() / 3.0).exp()).collect();
         sizes.retain(|size| size.is_finite() && *size > 0.0);
         sizes.sort_by(f32::total_cmp);
         sizes
