@@ -15,7 +15,7 @@ use gs_models::{DynamicScene, Shutter};
 use toml::Table;
 
 use super::plan::plan_steps;
-use super::{EvalRequest, Evaluated, Future, Opened, Pipeline};
+use super::{EvalRequest, Evaluated, Extrapolate, Opened, Pipeline};
 use gs_train::config::{Background, Config, ConfigError, FitConfig, tables};
 use gs_train::fit::facts::SceneFacts;
 use gs_train::fit::intake::Intake;
@@ -51,7 +51,7 @@ impl<M: Intake + Saved + Told> SceneMethod for M {}
 
 /// The pipeline of a method.
 pub struct Fit<M> {
-    future: Option<&'static dyn Future>,
+    future: Option<Extrapolate>,
     method: PhantomData<fn() -> M>,
 }
 
@@ -60,7 +60,7 @@ impl<M> Fit<M> {
     pub const NEW: Self = Self { future: None, method: PhantomData };
 
     /// The pipeline of a method with the future of its scenes.
-    pub const fn with_future(future: &'static dyn Future) -> Self {
+    pub const fn with_future(future: Extrapolate) -> Self {
         Self { future: Some(future), method: PhantomData }
     }
 }
@@ -158,10 +158,11 @@ fn finish<M: SceneMethod>(
     let (step, at) = (trainer.step, trainer.at(&data.cues, config));
     let mut files = LastFiles::default();
     files.tried("the checkpoint", run.save(step, &Snapshot::of(&trainer)));
-    let ply = write_ply_as(&job.folder.ply(), trainer.gaussians(), data.scene.origin, config.render.antialiased);
+    let (path, antialiased) = (job.folder.ply(), Some(config.render.antialiased));
+    let ply = write_ply_as(&path, trainer.gaussians(), data.scene.origin, antialiased);
     files.tried("scene.ply", ply.map_err(|error| error.context("the finished scene could not be exported")));
     if let Some(note) = placed_note(data.scene.origin) {
-        run.say(&format!("{}: {note}", job.folder.ply().display()));
+        run.say(&format!("{}: {note}", path.display()));
     }
     let held_out = HeldOut::of::<M>(&data.scene, None).expect("the reported split");
     let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
@@ -389,7 +390,7 @@ impl<M: SceneMethod> Pipeline for Fit<M> {
         Ok(Evaluated { step, measured, pictures })
     }
 
-    fn future(&self) -> Option<&dyn Future> {
+    fn future(&self) -> Option<Extrapolate> {
         self.future
     }
 }
@@ -405,7 +406,7 @@ fn photos_of<M: SceneMethod>(dataset: &Path, config: &FitConfig<M::Config>, load
     views.for_each(|view| view.c2w = DMat4::from_translation(shift) * view.c2w);
     photos.origin -= shift;
     let times = photos.train.iter().chain(photos.held_out_views()).filter_map(|view| view.time);
-    loaded.reaches(&dataset.display().to_string(), times)?;
+    within_reach(&*loaded.scene, &dataset.display().to_string(), times)?;
     Ok(photos)
 }
 

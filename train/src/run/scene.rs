@@ -138,14 +138,6 @@ impl LoadedScene {
         }
     }
 
-    /// Checks that the scene can be asked at `times`; `what` says where they come from.
-    ///
-    /// # Errors
-    /// A sentence about the first time out of reach.
-    pub fn reaches(&self, what: &str, times: impl IntoIterator<Item = f64>) -> Result<()> {
-        within_reach(&*self.scene, what, times)
-    }
-
     /// Checks that the scene has times.
     ///
     /// # Errors
@@ -225,18 +217,14 @@ pub fn read_file(path: &Path) -> Result<SceneFile> {
 /// # Errors
 /// When the file cannot be written, one sentence that names it; then no partial file is left.
 pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()> {
-    write_placed(path, gaussians, origin, None)
+    write_ply_as(path, gaussians, origin, None)
 }
 
-/// [`write_ply`] with a comment that says whether the scene is to be drawn with antialiasing.
+/// [`write_ply`] with a comment that says whether the scene is to be drawn with antialiasing, where that is known.
 ///
 /// # Errors
 /// As [`write_ply`].
-pub fn write_ply_as(path: &Path, gaussians: &Gaussians, origin: DVec3, antialiased: bool) -> Result<()> {
-    write_placed(path, gaussians, origin, Some(antialiased))
-}
-
-fn write_placed(path: &Path, gaussians: &Gaussians, origin: DVec3, antialiased: Option<bool>) -> Result<()> {
+pub fn write_ply_as(path: &Path, gaussians: &Gaussians, origin: DVec3, antialiased: Option<bool>) -> Result<()> {
     let splats = if is_far(origin.to_array()) {
         Splats { offset: origin.to_array(), ..splats_of(gaussians, antialiased) }
     } else {

@@ -16,7 +16,6 @@ use super::cues::frames;
 use super::poses::pixel_size;
 use super::scene::RolledScene;
 use super::{Config, Sparsedyn};
-use crate::Future;
 use crate::fit::read_model;
 use gs_train::fit::extrapolation::{Extrapolation, Part};
 use gs_train::fit::parameters::{indices, to_host};
@@ -41,14 +40,13 @@ const LARGEST_CHANGE: f64 = 30.0;
 /// The stream of random numbers with which the field's scale is found; members have the streams below it.
 const CALIBRATION: u64 = 1 << 32;
 
-/// The future of scenes of this pipeline.
-pub struct RolledFutures;
-
-impl Future for RolledFutures {
-    fn extrapolate(&self, checkpoint: &Checkpoint, photos: &Scene, device: &Device) -> Outcome<Box<dyn Extrapolation>> {
-        let (model, config, _) = read_model::<Sparsedyn>(checkpoint, device)?;
-        Ok(Box::new(RolledFuture::new(&model.method, &model.gaussians, &photos.train, &config)))
-    }
+/// The future of a scene of this pipeline; see [`Extrapolate`](crate::Extrapolate).
+///
+/// # Errors
+/// A sentence when the checkpoint is damaged.
+pub fn extrapolate(checkpoint: &Checkpoint, photos: &Scene, device: &Device) -> Outcome<Box<dyn Extrapolation>> {
+    let (model, config, _) = read_model::<Sparsedyn>(checkpoint, device)?;
+    Ok(Box::new(RolledFuture::new(&model.method, &model.gaussians, &photos.train, &config)))
 }
 
 /// The future of a scene.

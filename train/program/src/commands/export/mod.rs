@@ -18,7 +18,7 @@ use gs_train::run::checkpoint::save;
 use gs_train::run::exchange::{ENDINGS, Format, Packed};
 use gs_train::run::memory::megabytes;
 use gs_train::run::outputs;
-use gs_train::run::scene::{FloaterFilter, LoadedScene, SceneFile, no_floaters, read_file};
+use gs_train::run::scene::{FloaterFilter, LoadedScene, SceneFile, no_floaters, read_file, within_reach};
 
 use size::fit;
 
@@ -43,7 +43,7 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     if args.time.is_some() || args.frames.is_some() {
         loaded.moves(&args.scene)?;
     }
-    loaded.reaches("--time", args.time)?;
+    within_reach(&*loaded.scene, "--time", args.time)?;
     loaded.warn_outside(args.time);
     let times: Vec<Option<f64>> = match args.frames {
         Some(count) if !format.moves() => loaded.times(count as usize).into_iter().map(Some).collect(),

@@ -80,7 +80,7 @@ pub fn run(args: &ExtrapolateArgs) -> Result<ExitCode> {
     let Some(span) = loaded.scene.span() else {
         bail!("{}: expected a run with a moving scene, found one that stands still", args.run.display());
     };
-    let trained = pipeline.future().map(|future| future.extrapolate(&checkpoint, &photos, &device)).transpose()?;
+    let trained = pipeline.future().map(|extrapolate| extrapolate(&checkpoint, &photos, &device)).transpose()?;
     let renderer = SceneRenderer { facts: loaded.facts, render: loaded.render.clone(), device };
     let stepped = frames::stepped(args, trained.as_deref())?;
     let future = stepped.as_deref().or(trained.as_deref());

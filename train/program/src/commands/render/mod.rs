@@ -20,7 +20,7 @@ use gs_pipelines::load_scene;
 use gs_train::fit::parameters::to_host;
 use gs_train::run::outputs::{self, MARK, marked_png, write_png};
 use gs_train::run::pixels::{image_bytes, velocity_colors};
-use gs_train::run::scene::{LoadedScene, through_time};
+use gs_train::run::scene::{LoadedScene, through_time, within_reach};
 
 use film::Film;
 
@@ -61,7 +61,8 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
         })
         .collect();
     let origin = if args.time.is_some() { "--time".into() } else { source.display().to_string() };
-    loaded.reaches(&origin, jobs.iter().flat_map(|(_, moments)| moments.iter().map(|(_, t)| *t)))?;
+    let times = jobs.iter().flat_map(|(_, moments)| moments.iter().map(|(_, t)| *t));
+    within_reach(&*loaded.scene, &origin, times)?;
     check_outputs(args, &source, &jobs, loaded.scene.span().is_some())?;
     let mut count = 0;
     let mut film = None;
