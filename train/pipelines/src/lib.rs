@@ -62,6 +62,7 @@ use gs_train::run::presentation::Presentation;
 use gs_train::run::scene::{LoadedScene, SceneFile, read_file};
 use gs_train::run::watch::{Ending, Job};
 
+pub use flux4d::saved::shipped_checkpoint as shipped;
 pub use flux4d::sweep_flow::{SweepFlow, sweep_flow};
 pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides, resolve_saved};
 
@@ -77,9 +78,6 @@ pub static PIPELINES: [&dyn Pipeline; 5] = [
 /// The recipes of `gsburn demo`: for blurry video, and for photos of a static scene. World and training must take less
 /// than two minutes on two old cores.
 pub const DEMO_RECIPES: [&str; 2] = ["taylormode/demo", "static/demo"];
-
-/// The network that ships with the program.
-pub use flux4d::saved::shipped_checkpoint as shipped;
 
 /// The program's view of a paper.
 pub trait Pipeline: Sync {
