@@ -27,14 +27,12 @@ pub struct Photo<X> {
 /// A method's device data of a photo: masks, depth and the like.
 pub trait Extra: Clone + fmt::Debug {
     /// Floats per pixel, for the size of the photo cache.
-    fn floats_per_pixel(&self) -> usize;
-}
-
-impl Extra for () {
     fn floats_per_pixel(&self) -> usize {
         0
     }
 }
+
+impl Extra for () {}
 
 /// The method's data of a view, by its index.
 type MakeExtra<'a, X> = Box<dyn Fn(&View, usize, &Device) -> X + 'a>;

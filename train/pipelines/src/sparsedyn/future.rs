@@ -3,6 +3,7 @@
 use anyhow::Result as Outcome;
 use burn::tensor::Device;
 use glam::DVec3;
+use gs_base::mean;
 use gs_burn::Gaussians;
 use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
@@ -68,7 +69,7 @@ impl RolledFuture {
     /// The future of `gaussians`, whose dynamics were learned from `views`.
     pub fn new(method: &Sparsedyn, gaussians: &Gaussians, views: &[View], config: &Config) -> Self {
         let bodies = &config.method.bodies;
-        let middle = middle(&method.first_places(gaussians));
+        let middle = mean(&method.first_places(gaussians)).unwrap_or(DVec3::ZERO);
         Self {
             scene: RolledScene { gaussians: gaussians.clone(), method: method.clone() },
             seen: frames(views).0.into_iter().map(|time| method.frame.clock.inner(time)).collect(),
@@ -266,8 +267,4 @@ fn named(term: Term) -> String {
         Term::Pivot => "pivot_from_centre",
     }
     .into()
-}
-
-fn middle(positions: &[DVec3]) -> DVec3 {
-    positions.iter().sum::<DVec3>() / positions.len().max(1) as f64
 }

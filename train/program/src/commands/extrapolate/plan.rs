@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use glam::{DMat4, DQuat, DVec3};
+use gs_base::median;
 use gs_datasets::{CameraPose, Scene, View};
 
 use crate::cli::ExtrapolateArgs;
@@ -63,9 +64,7 @@ pub fn interval(photos: &Scene) -> f64 {
     let mut times: Vec<f64> = photos.train.iter().filter_map(|view| view.time).collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
-    let mut gaps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    gaps.sort_by(f64::total_cmp);
-    gaps.get(gaps.len() / 2).copied().unwrap_or(1.0)
+    median(times.windows(2).map(|pair| pair[1] - pair[0]).collect()).unwrap_or(1.0)
 }
 
 /// A camera for the frames: its poses are one, or one for each frame.
