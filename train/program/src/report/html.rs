@@ -33,6 +33,12 @@ pub fn plain_name(text: &str) -> String {
     escaped(&printable(text))
 }
 
+/// A row of a table; `cells` are HTML.
+pub fn row(cell: &str, cells: impl IntoIterator<Item = String>) -> String {
+    let cells: String = cells.into_iter().map(|html| format!("<{cell}>{html}</{cell}>")).collect();
+    format!("<tr>{cells}</tr>\n")
+}
+
 /// A whole page that needs no other file, named for its tab; `head` is put into its head.
 pub fn page(title: &str, head: &str, body: &str) -> String {
     format!(

@@ -72,7 +72,7 @@ fn picture(picture: &Picture, caption: &str) -> Result<String> {
 fn table(horizon: &Horizon) -> String {
     let future = &horizon.future;
     let row = |name: &str, psnr: f64, held: f64| {
-        format!("<tr><td>{name}</td><td>{psnr:.2}</td><td>{held:.2}</td><td>{:+.2}</td></tr>\n", psnr - held)
+        html::row("td", [name.into(), format!("{psnr:.2}"), format!("{held:.2}"), format!("{:+.2}", psnr - held)])
     };
     let moving = future.moving.zip(future.held_moving).map(|(psnr, held)| row("moving parts", psnr, held));
     format!(
