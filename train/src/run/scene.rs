@@ -92,14 +92,14 @@ impl LoadedScene {
         loaded
     }
 
-    /// The scene as a file holds it, at time `t`, or at all times where there is none: at the middle of its recording,
-    /// with its motion. One that is no series of functions of time has `samples` key frames.
-    pub fn packed(&self, t: Option<f64>, samples: usize) -> Packed {
-        let motion = if t.is_none() { motion_of(&*self.scene, self.middle, samples) } else { None };
+    /// The scene as a file holds it, of `gaussians` at a time; those of all times (`moves`) are at the middle of its
+    /// recording, and have its motion. One that is no series of functions of time has `samples` key frames.
+    pub fn packed(&self, gaussians: &Gaussians, moves: bool, samples: usize) -> Packed {
+        let motion = if moves { motion_of(&*self.scene, self.middle, samples) } else { None };
         // A file that says nothing of it may have been trained either way.
         let is_known = self.run.is_some() || self.render.antialiased;
         let antialiased = is_known.then_some(self.render.antialiased);
-        let splats = splats_of(&self.scene.at(t.unwrap_or(self.middle)), antialiased);
+        let splats = splats_of(gaussians, antialiased);
         Packed { splats: Splats { offset: self.origin.to_array(), ..splats }, motion, samples }
     }
 
