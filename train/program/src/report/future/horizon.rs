@@ -96,7 +96,8 @@ impl PredictedScene<'_> {
         let past = if split == Split::TEST { self.past_views() } else { Vec::new() };
         let scores = self.scores(&[past, future].concat(), end);
         let future = gain(&scores)?;
-        Some(Horizon { split: split.into(), seen_to: end, moments: moments(&scores), future })
+        let moments = scores.chunk_by(|a, b| a.time == b.time).filter_map(moment).collect();
+        Some(Horizon { split: split.into(), seen_to: end, moments, future })
     }
 
     /// Views of a split after the last time that was seen and up to `until`; `None` without any.
@@ -193,29 +194,25 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-fn moments(scores: &[Score]) -> Vec<Moment> {
-    let of = |scores: &[Score]| {
-        Some(Moment {
-            time: scores[0].time,
-            views: scores.len(),
-            psnr: mean(scores.iter().map(|score| score.model.0))?,
-            held: mean(scores.iter().filter_map(|score| Some(score.held?.0))),
-            moving: mean(scores.iter().filter_map(|score| score.model.1)),
-            held_moving: mean(scores.iter().filter_map(|score| score.held?.1)),
-        })
-    };
-    scores.chunk_by(|a, b| a.time == b.time).filter_map(of).collect()
+/// The means over `scores`, at the time of the first; `None` without any.
+fn moment(scores: &[Score]) -> Option<Moment> {
+    Some(Moment {
+        time: scores.first()?.time,
+        views: scores.len(),
+        psnr: mean(scores.iter().map(|score| score.model.0))?,
+        held: mean(scores.iter().filter_map(|score| Some(score.held?.0))),
+        moving: mean(scores.iter().filter_map(|score| score.model.1)),
+        held_moving: mean(scores.iter().filter_map(|score| score.held?.1)),
+    })
 }
 
 /// The means over the scores of the future; `None` without any.
 fn gain(scores: &[Score]) -> Option<Gain> {
-    let future: Vec<&Score> = scores.iter().filter(|score| score.held.is_some()).collect();
-    let psnr = mean(future.iter().map(|score| score.model.0))?;
-    let held = mean(future.iter().filter_map(|score| Some(score.held?.0)))?;
-    let moving = mean(future.iter().filter_map(|score| score.model.1));
-    let held_moving = mean(future.iter().filter_map(|score| score.held?.1));
+    let future: Vec<Score> = scores.iter().filter(|score| score.held.is_some()).copied().collect();
+    let Moment { views, psnr, held, moving, held_moving, .. } = moment(&future)?;
+    let held = held?;
     Some(Gain {
-        views: future.len(),
+        views,
         psnr,
         held,
         gain: psnr - held,
