@@ -123,6 +123,11 @@ pub fn mask_of(view: &View, device: &Device) -> Option<Tensor<3>> {
 
 /// Bytes of an image of the view's size as floats from 0 to 1, `[H, W, channels]`.
 pub fn to_tensor(view: &View, bytes: &[u8], channels: usize, device: &Device) -> Tensor<3> {
+    image_tensor(bytes, [view.height, view.width, channels], device)
+}
+
+/// Bytes of an image as floats from 0 to 1.
+pub fn image_tensor(bytes: &[u8], shape: [usize; 3], device: &Device) -> Tensor<3> {
     let floats: Vec<f32> = bytes.par_iter().with_min_len(1 << 14).map(|b| f32::from(*b) / 255.0).collect();
-    Tensor::from_data(TensorData::new(floats, [view.height, view.width, channels]), device)
+    Tensor::from_data(TensorData::new(floats, shape), device)
 }

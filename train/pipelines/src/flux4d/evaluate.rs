@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use glam::DVec3;
 use gs_burn::{Camera, Gaussians};
 use gs_driving::DrivingLog;
@@ -26,6 +26,7 @@ use super::snippet_page;
 use super::world::in_world;
 use gs_train::fit::figure::{Better, Figure};
 use gs_train::fit::parameters::to_host;
+use gs_train::fit::photos::image_tensor;
 use gs_train::fit::told::MOVING;
 use gs_train::run::evaluate::{Comparison, Evaluator, scores_within};
 use gs_train::run::measured::{Measured, ModelSize, ViewScores};
@@ -166,7 +167,7 @@ impl Measuring<'_> {
         self.sums.baselines.still.push(psnr(still.clone(), truth.clone()));
         let mut regions = BTreeMap::new();
         if let Some(mask) = moving::mask(log, host, view)? {
-            let mask = mask_tensor(view, &mask, &device);
+            let mask = image_tensor(&mask, [view.image.height, view.image.width, 1], &device);
             self.sums.baselines.lifted_moving.push(psnr_masked(lifted.clone(), truth.clone(), mask.clone()));
             self.sums.baselines.still_moving.push(psnr_masked(still, truth.clone(), mask.clone()));
             let scores = scores_within(ours.clone(), truth.clone(), mask);
@@ -247,14 +248,7 @@ pub fn velocity_picture(inferred: &Inferred, view: (&Camera, f64)) -> Tensor<3> 
     let [height, width, _] = rendering.color.dims();
     let pixels = rendering.features.map(to_host).unwrap_or_default();
     let vectors: Vec<f32> = pixels.as_chunks::<2>().0.iter().flat_map(|[u, v]| [*u, *v, 0.0]).collect();
-    let bytes = velocity_colors(&vectors);
-    let floats: Vec<f32> = bytes.into_iter().map(|byte| f32::from(byte) / 255.0).collect();
-    Tensor::from_data(TensorData::new(floats, [height, width, 3]), &rendering.color.device())
-}
-
-fn mask_tensor(view: &HostView, mask: &[u8], device: &Device) -> Tensor<3> {
-    let floats: Vec<f32> = mask.iter().map(|value| f32::from(*value) / 255.0).collect();
-    Tensor::from_data(TensorData::new(floats, [view.image.height, view.image.width, 1]), device)
+    image_tensor(&velocity_colors(&vectors), [height, width, 3], &rendering.color.device())
 }
 
 fn mean(values: &[f64]) -> Option<f64> {
