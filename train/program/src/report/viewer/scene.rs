@@ -92,115 +92,97 @@ pub struct Packed {
 
 /// A scene as JSON and block.
 pub fn packed(scene: &dyn DynamicScene, presentation: &Presentation) -> Packed {
-    Shown { scene, presentation }.packed()
+    let Presentation { name, options, middle: time, cameras, distance, shutter, world } = presentation;
+    let span = shown_span(scene, cameras);
+    let exposure = shutter.map_or(0.0, |shutter| shutter.exposure);
+    let mut motion = span.and_then(|span| Motion::of(scene, span, exposure));
+    let gaussians = motion.as_ref().map_or_else(|| scene.at(*time), |motion| motion.base.clone());
+    let mut numbers = Numbers::of(&gaussians);
+    let total = numbers.0.len();
+    let mut notes = Vec::new();
+    if total > GAUSSIANS_MAX {
+        let kept = numbers.most_visible(GAUSSIANS_MAX);
+        motion.iter_mut().for_each(|motion| motion.keep(&kept));
+        numbers = Numbers(numbers.0.select(&kept));
+        let left = total - kept.len();
+        let are = agree(left, "is", "are");
+        notes.push(format!("the least visible {} {are} left out of this page", counted(left, "Gaussian")));
+    }
+    let trained_degree = options.sh_degree.min(numbers.0.degree);
+    let degree = if numbers.0.len() > WITH_SH_MAX { 0 } else { trained_degree };
+    if degree < trained_degree {
+        notes.push(format!("more than {WITH_SH_MAX} Gaussians: colours are the same from all sides in this page"));
+    }
+    let motion = motion.filter(|motion| motion.len() > 0);
+    let mut block = Block::default();
+    numbers.write(&mut block, degree);
+    if let Some(motion) = &motion {
+        write_motion(motion, &mut block, numbers.step());
+    }
+    let middle = numbers.middle();
+    let (cameras, distance) = match cameras.is_empty() {
+        true => free_camera(middle, numbers.radius(middle)),
+        false => (cameras.clone(), distance.unwrap_or_else(|| guessed_distance(&cameras[0], options.near, middle))),
+    };
+    let described = Described {
+        name: name.clone(),
+        count: numbers.0.len(),
+        total,
+        degree,
+        trained_degree,
+        moving: motion.as_ref().map_or(0, Motion::len),
+        arrays: block.arrays.clone(),
+        span: motion.as_ref().and(span),
+        seen: motion.as_ref().and(scene.span()),
+        middle: *time,
+        full_speed: motion.as_ref().map_or(0.0, |_| full_speed(scene, *time)),
+        clock: motion.as_ref().map(|motion| motion.clock),
+        shutter: shutter.filter(|_| motion.is_some()),
+        background: options.background,
+        near: options.near,
+        far: options.far,
+        eps2d: options.eps2d,
+        antialiased: options.antialiased,
+        up: up(&cameras),
+        world: world.to_cols_array(),
+        cameras,
+        distance,
+        notes,
+    };
+    let json = serde_json::to_string(&described).expect("numbers and names are JSON");
+    Packed { json: json.replace('<', "\\u003c"), block: block.text() }
 }
 
-/// A scene with its presentation.
-#[derive(Clone, Copy)]
-struct Shown<'a> {
-    scene: &'a dyn DynamicScene,
-    presentation: &'a Presentation,
+/// The first and the last time that are shown: those that the scene was trained for, and those of photos before and
+/// after, as far as the scene can be asked.
+fn shown_span(scene: &dyn DynamicScene, cameras: &[Camera]) -> Option<[f64; 2]> {
+    let [first, last] = scene.span()?;
+    let [earliest, latest] = scene.reach().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+    let times = cameras.iter().filter_map(|camera| camera.time).map(|time| time.max(earliest).min(latest));
+    Some(times.fold([first, last], |[first, last], time| [first.min(time), last.max(time)]))
 }
 
-impl Shown<'_> {
-    fn packed(self) -> Packed {
-        let Presentation { name, options, middle: time, cameras, distance, shutter, world } = self.presentation;
-        let span = self.shown_span();
-        let exposure = shutter.map_or(0.0, |shutter| shutter.exposure);
-        let mut motion = span.and_then(|span| Motion::of(self.scene, span, exposure));
-        let gaussians = motion.as_ref().map_or_else(|| self.scene.at(*time), |motion| motion.base.clone());
-        let mut numbers = Numbers::of(&gaussians);
-        let total = numbers.0.len();
-        let mut notes = Vec::new();
-        if total > GAUSSIANS_MAX {
-            let kept = numbers.most_visible(GAUSSIANS_MAX);
-            motion.iter_mut().for_each(|motion| motion.keep(&kept));
-            numbers = Numbers(numbers.0.select(&kept));
-            let left = total - kept.len();
-            let are = agree(left, "is", "are");
-            notes.push(format!("the least visible {} {are} left out of this page", counted(left, "Gaussian")));
-        }
-        let trained_degree = options.sh_degree.min(numbers.0.degree);
-        let degree = if numbers.0.len() > WITH_SH_MAX { 0 } else { trained_degree };
-        if degree < trained_degree {
-            notes.push(format!("more than {WITH_SH_MAX} Gaussians: colours are the same from all sides in this page"));
-        }
-        let motion = motion.filter(|motion| motion.len() > 0);
-        let mut block = Block::default();
-        numbers.write(&mut block, degree);
-        if let Some(motion) = &motion {
-            write_motion(motion, &mut block, numbers.step());
-        }
-        let middle = numbers.middle();
-        let (cameras, distance) = match cameras.is_empty() {
-            true => free_camera(middle, numbers.radius(middle)),
-            false => (cameras.clone(), distance.unwrap_or_else(|| self.guessed_distance(middle))),
-        };
-        let described = Described {
-            name: name.clone(),
-            count: numbers.0.len(),
-            total,
-            degree,
-            trained_degree,
-            moving: motion.as_ref().map_or(0, Motion::len),
-            arrays: block.arrays.clone(),
-            span: motion.as_ref().and(span),
-            seen: motion.as_ref().and(self.scene.span()),
-            middle: *time,
-            full_speed: motion.as_ref().map_or(0.0, |_| self.full_speed()),
-            clock: motion.as_ref().map(|motion| motion.clock),
-            shutter: shutter.filter(|_| motion.is_some()),
-            background: options.background,
-            near: options.near,
-            far: options.far,
-            eps2d: options.eps2d,
-            antialiased: options.antialiased,
-            up: up(&cameras),
-            world: world.to_cols_array(),
-            cameras,
-            distance,
-            notes,
-        };
-        let json = serde_json::to_string(&described).expect("numbers and names are JSON");
-        Packed { json: json.replace('<', "\\u003c"), block: block.text() }
-    }
+/// The distance of the scene's middle before the first camera, at least a little.
+fn guessed_distance(camera: &Camera, near: f64, middle: [f32; 3]) -> f64 {
+    let c2w = DMat4::from_cols_array(&camera.c2w);
+    let along = (DVec3::from_array(middle.map(f64::from)) - c2w.w_axis.truncate()).dot(c2w.z_axis.truncate());
+    along.max(10.0 * near)
+}
 
-    /// The first and the last time that are shown: those that the scene was trained for, and those of photos before and
-    /// after, as far as the scene can be asked.
-    fn shown_span(&self) -> Option<[f64; 2]> {
-        let [first, last] = self.scene.span()?;
-        let [earliest, latest] = self.scene.reach().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        let times = self
-            .presentation
-            .cameras
-            .iter()
-            .filter_map(|camera| camera.time)
-            .map(|time| time.max(earliest).min(latest));
-        Some(times.fold([first, last], |[first, last], time| [first.min(time), last.max(time)]))
+/// The speed of the brightest colour, scene units per unit of time.
+fn full_speed(scene: &dyn DynamicScene, middle: f64) -> f64 {
+    let span = scene.span().unwrap_or([middle; 2]);
+    let times = [span[0], 0.5 * (span[0] + span[1]), span[1]];
+    let mut speeds: Vec<f32> = Vec::new();
+    for t in times {
+        let velocity = to_host(scene.velocity(t).inner());
+        let fast = velocity.as_chunks::<3>().0.iter().map(|v| v.iter().map(|x| x * x).sum::<f32>().sqrt());
+        speeds.extend(fast.filter(|speed| *speed > 0.0));
     }
-
-    /// The distance of the scene's middle before the first camera, at least a little.
-    fn guessed_distance(&self, middle: [f32; 3]) -> f64 {
-        let c2w = DMat4::from_cols_array(&self.presentation.cameras[0].c2w);
-        let along = (DVec3::from_array(middle.map(f64::from)) - c2w.w_axis.truncate()).dot(c2w.z_axis.truncate());
-        along.max(10.0 * self.presentation.options.near)
-    }
-
-    /// The speed of the brightest colour, scene units per unit of time.
-    fn full_speed(&self) -> f64 {
-        let span = self.scene.span().unwrap_or([self.presentation.middle; 2]);
-        let times = [span[0], 0.5 * (span[0] + span[1]), span[1]];
-        let mut speeds: Vec<f32> = Vec::new();
-        for t in times {
-            let velocity = to_host(self.scene.velocity(t).inner());
-            let fast = velocity.as_chunks::<3>().0.iter().map(|v| v.iter().map(|x| x * x).sum::<f32>().sqrt());
-            speeds.extend(fast.filter(|speed| *speed > 0.0));
-        }
-        speeds.sort_by(f32::total_cmp);
-        let index = ((1.0 - FASTEST) * speeds.len() as f64) as usize;
-        let full = speeds.get(index).or(speeds.last()).copied().unwrap_or(1.0);
-        f64::from(full).max(1e-12)
-    }
+    speeds.sort_by(f32::total_cmp);
+    let index = ((1.0 - FASTEST) * speeds.len() as f64) as usize;
+    let full = speeds.get(index).or(speeds.last()).copied().unwrap_or(1.0);
+    f64::from(full).max(1e-12)
 }
 
 /// Gaussians on the host, their rotations as unit quaternions.
