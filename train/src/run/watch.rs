@@ -284,7 +284,6 @@ impl Run {
     }
 
     /// Updates bar and metrics after `step` steps. `psnr` measures the step's image, if a line is written.
-    ///
     pub fn observe(
         &mut self,
         step: usize,

@@ -30,7 +30,7 @@ use gs_train::fit::photos::image_tensor;
 use gs_train::fit::told::MOVING;
 use gs_train::run::evaluate::{Comparison, Evaluator, scores_within};
 use gs_train::run::measured::{Measured, ModelSize, ViewScores};
-use gs_train::run::metrics::{psnr, psnr_masked};
+use gs_train::run::metrics::{mean, psnr, psnr_masked};
 use gs_train::run::pixels::velocity_colors;
 use gs_train::run::presentation::PresentedScene;
 use gs_train::sentence::one_sentence;
@@ -197,7 +197,7 @@ impl Measuring<'_> {
     }
 
     fn cost_figures(&self) -> Vec<Figure> {
-        let seconds = |index: usize| mean(&self.sums.seconds.iter().map(|pair| pair[index]).collect::<Vec<_>>());
+        let seconds = |index: usize| mean(self.sums.seconds.iter().map(|pair| pair[index]));
         let mut figures = Vec::new();
         let timed =
             |key: &str, name: &str, value: f64| Figure::new(key, name, value, "s").digits(3).better(Better::Lower);
@@ -249,8 +249,4 @@ pub fn velocity_picture(inferred: &Inferred, view: (&Camera, f64)) -> Tensor<3> 
     let pixels = rendering.features.map(to_host).unwrap_or_default();
     let vectors: Vec<f32> = pixels.as_chunks::<2>().0.iter().flat_map(|[u, v]| [*u, *v, 0.0]).collect();
     image_tensor(&velocity_colors(&vectors), [height, width, 3], &rendering.color.device())
-}
-
-fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }

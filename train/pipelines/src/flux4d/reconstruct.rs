@@ -29,7 +29,7 @@ use super::summary::{Seconds, Summary, of_all};
 use super::world::in_world;
 use crate::Reconstruction;
 use gs_train::run::interrupt;
-use gs_train::run::metrics::psnr;
+use gs_train::run::metrics::{mean, psnr};
 use gs_train::run::outputs::{MARK, write_json, write_png};
 use gs_train::run::pixels::image_bytes;
 use gs_train::run::progress;
@@ -274,8 +274,7 @@ impl Reconstructor<'_> {
     /// Writes actors and figures; `snippets` are those done and those asked for.
     fn finish(self, [snippets, snippets_asked]: [usize; 2]) -> Result<Summary> {
         self.done.actors.write(&self.folder.join("actors.json"))?;
-        let psnr_targets =
-            (!self.done.psnr.is_empty()).then(|| self.done.psnr.iter().sum::<f64>() / self.done.psnr.len() as f64);
+        let psnr_targets = mean(&self.done.psnr);
         let summary = Summary {
             program: MARK,
             log: self.log.name().to_string(),

@@ -13,7 +13,7 @@ use crate::report::future::strip::Picture;
 use gs_train::fit::photos::{mask_of, to_tensor};
 use gs_train::fit::told::{MOVING, given_regions};
 use gs_train::run::evaluate::PHOTO;
-use gs_train::run::metrics::{psnr_counted, psnr_masked};
+use gs_train::run::metrics::{mean, psnr_counted, psnr_masked};
 use gs_train::run::scene::through_time;
 
 /// Splits of the future, the first of which is charted: cameras that did not train, then those that did.
@@ -185,13 +185,6 @@ fn compared(image: Tensor<3>, view: &View) -> (f64, Option<f64>) {
         psnr_masked(image, truth, counts)
     });
     (whole, moving)
-}
-
-/// The mean; `None` without values.
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (mut sum, mut count) = (0.0, 0);
-    values.for_each(|value| (sum, count) = (sum + value, count + 1));
-    (count > 0).then(|| sum / f64::from(count))
 }
 
 /// The means over `scores`, at the time of the first; `None` without any.
