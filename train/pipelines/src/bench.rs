@@ -2,7 +2,6 @@
 
 use gs_burn::{Camera, Gaussians};
 
-pub use super::sparsedyn::bench::rollout_table;
 use super::still::Still;
 use super::taylormode::bench as taylormode;
 use gs_train::config::Strategy;

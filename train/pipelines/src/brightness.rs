@@ -44,11 +44,7 @@ impl Section for Sections {}
 #[derive(Debug, Clone, Copy)]
 pub struct Index(usize);
 
-impl Extra for Index {
-    fn floats_per_pixel(&self) -> usize {
-        0
-    }
-}
+impl Extra for Index {}
 
 /// The brightness of each training photo.
 #[derive(Module, Debug)]

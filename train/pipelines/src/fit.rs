@@ -6,6 +6,7 @@ use std::path::Path;
 
 use anyhow::{Error, Result, bail, ensure};
 use burn::tensor::Device;
+use glam::{DMat4, DVec3};
 use gs_base::counted;
 use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
 use gs_datasets::{CheckReport, LoadOptions, Scene};
@@ -14,7 +15,7 @@ use gs_models::{DynamicScene, Shutter};
 use toml::Table;
 
 use super::plan::plan_steps;
-use super::{EvalRequest, Evaluated, Future, Opened, Pipeline};
+use super::{EvalRequest, Evaluated, Extrapolate, Opened, Pipeline};
 use gs_train::config::{Background, Config, ConfigError, FitConfig, tables};
 use gs_train::fit::facts::SceneFacts;
 use gs_train::fit::intake::Intake;
@@ -35,9 +36,9 @@ use gs_train::run::exchange::host::gaussians_of;
 use gs_train::run::fingerprint::Fingerprint;
 use gs_train::run::folder::{Setting, full_path};
 use gs_train::run::memory::Prediction;
-use gs_train::run::metrics::{psnr, psnr_masked};
+use gs_train::run::metrics::psnr_counted;
 use gs_train::run::outcome::{Contents, Outcome, ScenePhotos};
-use gs_train::run::presentation::{self, Presentation, PresentedScene};
+use gs_train::run::presentation;
 use gs_train::run::progress;
 use gs_train::run::resources::{Spent, Stopwatch};
 use gs_train::run::scene::{LoadedScene, SceneFile, SceneRun, placed_note, translated, within_reach, write_ply_as};
@@ -50,7 +51,7 @@ impl<M: Intake + Saved + Told> SceneMethod for M {}
 
 /// The pipeline of a method.
 pub struct Fit<M> {
-    future: Option<&'static dyn Future>,
+    future: Option<Extrapolate>,
     method: PhantomData<fn() -> M>,
 }
 
@@ -59,7 +60,7 @@ impl<M> Fit<M> {
     pub const NEW: Self = Self { future: None, method: PhantomData };
 
     /// The pipeline of a method with the future of its scenes.
-    pub const fn with_future(future: &'static dyn Future) -> Self {
+    pub const fn with_future(future: Extrapolate) -> Self {
         Self { future: Some(future), method: PhantomData }
     }
 }
@@ -157,10 +158,11 @@ fn finish<M: SceneMethod>(
     let (step, at) = (trainer.step, trainer.at(&data.cues, config));
     let mut files = LastFiles::default();
     files.tried("the checkpoint", run.save(step, &Snapshot::of(&trainer)));
-    let ply = write_ply_as(&job.folder.ply(), trainer.gaussians(), data.scene.origin, config.render.antialiased);
+    let (path, antialiased) = (job.folder.ply(), Some(config.render.antialiased));
+    let ply = write_ply_as(&path, trainer.gaussians(), data.scene.origin, antialiased);
     files.tried("scene.ply", ply.map_err(|error| error.context("the finished scene could not be exported")));
     if let Some(note) = placed_note(data.scene.origin) {
-        run.say(&format!("{}: {note}", job.folder.ply().display()));
+        run.say(&format!("{}: {note}", path.display()));
     }
     let held_out = HeldOut::of::<M>(&data.scene, None).expect("the reported split");
     let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
@@ -168,33 +170,13 @@ fn finish<M: SceneMethod>(
     files.tried("eval.json", written);
     let (history, written) = run.finish();
     files.tried("metrics.jsonl", written);
-    let scene = presented(&data, &trainer, config, &eval.name);
+    let scene = loaded(trainer.model(), config, trainer.facts, data.scene.origin, None);
+    let scene = scene.presented(&eval.name, presentation::cameras(&data.scene));
     let (facts, render, device) = (trainer.facts, config.render.clone(), job.device.clone());
     let photos = Some(ScenePhotos { photos: data.scene, facts, render, device });
     let contents =
         Contents { config: config.to_toml(), history, pictures, schedule, scene: Some(scene), photos, files };
     Ok(Ending::Finished(Outcome { eval, report: Some(Box::new(contents)) }))
-}
-
-/// The scene with its cameras, for the report.
-fn presented<M: SceneMethod>(
-    data: &Data<M>,
-    trainer: &Trainer<M>,
-    config: &FitConfig<M::Config>,
-    name: &str,
-) -> PresentedScene {
-    let gaussians = trainer.gaussians();
-    let scene = trainer.method().scene(gaussians.clone());
-    let presentation = Presentation {
-        name: name.into(),
-        options: trainer.facts.render_options(&config.render, gaussians.sh_degree()),
-        middle: trainer.method().middle(),
-        cameras: presentation::cameras(&data.scene),
-        distance: trainer.facts.subject_distance,
-        shutter: shutter::<M>(&*scene, config),
-        world: glam::DMat4::from_translation(data.scene.origin),
-    };
-    PresentedScene { scene, presentation }
 }
 
 /// Reads the data set at `path` for training and measuring.
@@ -311,10 +293,7 @@ fn observe<M: SceneMethod>(run: &mut Run, session: &Session<M>, stepped: Stepped
     run.observe(trainer.step, (report.loss, trainer.skipped), &counts, || {
         let (image, photo) = report.images.first().zip(photos.first())?;
         let (image, truth) = (image.clone().clamp(0.0, 1.0), photo.image.clone());
-        Some(match &photo.mask {
-            None => psnr(image, truth),
-            Some(mask) => psnr_masked(image, truth, mask.clone()),
-        })
+        Some(psnr_counted(image, truth, photo.mask.clone()))
     });
 }
 
@@ -364,7 +343,13 @@ impl<M: SceneMethod> Pipeline for Fit<M> {
 
     fn open(&self, checkpoint: &Checkpoint, dataset: Option<&Path>, device: &Device) -> Result<Opened> {
         let (model, config, notes) = read_model::<M>(checkpoint, device)?;
-        let loaded = loaded(&model, &config, &notes, checkpoint);
+        let run = SceneRun {
+            pipeline: M::NAME.into(),
+            dataset: checkpoint.origin.dataset.clone(),
+            step: notes.counters.step,
+            described: model.method.described(),
+        };
+        let loaded = loaded(&model, &config, notes.facts(), checkpoint.origin.world(), Some(run));
         let photos = dataset.map(|dataset| photos_of::<M>(dataset, &config, &loaded)).transpose()?;
         Ok(Opened { loaded, photos })
     }
@@ -385,7 +370,7 @@ impl<M: SceneMethod> Pipeline for Fit<M> {
                 let at = Step { step: 0, config: &config, facts: &facts, cues: &cues, room: None };
                 let method = M::at_rest(&scene, &at, request.device).map_err(Error::msg)?;
                 let gaussians = gaussians_of(&packed.splats, request.device);
-                (Model { gaussians, method }, facts, 0, glam::DVec3::from_array(packed.splats.offset))
+                (Model { gaussians, method }, facts, 0, DVec3::from_array(packed.splats.offset))
             }
         };
         // A file and a checkpoint have their `origin` subtracted, views have `scene.origin` subtracted.
@@ -405,7 +390,7 @@ impl<M: SceneMethod> Pipeline for Fit<M> {
         Ok(Evaluated { step, measured, pictures })
     }
 
-    fn future(&self) -> Option<&dyn Future> {
+    fn future(&self) -> Option<Extrapolate> {
         self.future
     }
 }
@@ -418,10 +403,10 @@ fn photos_of<M: SceneMethod>(dataset: &Path, config: &FitConfig<M::Config>, load
     let mut photos = load::<M>(dataset, config)?;
     let shift = photos.origin - loaded.origin;
     let views = photos.train.iter_mut().chain(photos.held_out.iter_mut().flat_map(|split| &mut split.views));
-    views.for_each(|view| view.c2w = glam::DMat4::from_translation(shift) * view.c2w);
+    views.for_each(|view| view.c2w = DMat4::from_translation(shift) * view.c2w);
     photos.origin -= shift;
     let times = photos.train.iter().chain(photos.held_out_views()).filter_map(|view| view.time);
-    loaded.reaches(&dataset.display().to_string(), times)?;
+    within_reach(&*loaded.scene, &dataset.display().to_string(), times)?;
     Ok(photos)
 }
 
@@ -429,8 +414,9 @@ fn photos_of<M: SceneMethod>(dataset: &Path, config: &FitConfig<M::Config>, load
 fn loaded<M: SceneMethod>(
     model: &Model<M>,
     config: &FitConfig<M::Config>,
-    notes: &Notes,
-    checkpoint: &Checkpoint,
+    facts: SceneFacts,
+    origin: DVec3,
+    run: Option<SceneRun>,
 ) -> LoadedScene {
     let Model { gaussians, method } = model;
     let scene = method.scene(gaussians.clone());
@@ -438,16 +424,11 @@ fn loaded<M: SceneMethod>(
         shutter: shutter::<M>(&*scene, config),
         scene,
         gaussians: gaussians.clone(),
-        origin: checkpoint.origin.world(),
-        facts: notes.facts(),
+        origin,
+        facts,
         render: config.render.clone(),
         middle: method.middle(),
-        run: Some(SceneRun {
-            pipeline: M::NAME.into(),
-            dataset: checkpoint.origin.dataset.clone(),
-            step: notes.counters.step,
-            described: method.described(),
-        }),
+        run,
     }
 }
 

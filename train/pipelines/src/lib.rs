@@ -62,6 +62,7 @@ use gs_train::run::presentation::Presentation;
 use gs_train::run::scene::{LoadedScene, SceneFile, read_file};
 use gs_train::run::watch::{Ending, Job};
 
+pub use flux4d::saved::shipped_checkpoint as shipped;
 pub use flux4d::sweep_flow::{SweepFlow, sweep_flow};
 pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides, resolve_saved};
 
@@ -70,7 +71,7 @@ pub static PIPELINES: [&dyn Pipeline; 5] = [
     &fit::Fit::<still::Still>::NEW,
     &fit::Fit::<brightness::Brightness>::NEW,
     &fit::Fit::<taylormode::Taylormode>::NEW,
-    &fit::Fit::<sparsedyn::Sparsedyn>::with_future(&sparsedyn::future::RolledFutures),
+    &fit::Fit::<sparsedyn::Sparsedyn>::with_future(sparsedyn::future::extrapolate),
     &flux4d::Flux4d,
 ];
 
@@ -122,7 +123,7 @@ pub trait Pipeline: Sync {
     }
 
     /// The future of its scenes, if it can extrapolate beyond the Gaussians at any time.
-    fn future(&self) -> Option<&dyn Future> {
+    fn future(&self) -> Option<Extrapolate> {
         None
     }
 }
@@ -140,22 +141,10 @@ pub trait Networks {
     /// # Errors
     /// A sentence when the checkpoint is damaged.
     fn alone(&self, checkpoint: &Checkpoint, device: &Device) -> Result<Snapshot>;
-
-    /// The network that ships with the program.
-    ///
-    /// # Errors
-    /// When its file does not fit this version.
-    fn shipped(&self) -> Result<Checkpoint>;
 }
 
-/// The future of scenes.
-pub trait Future: Sync {
-    /// The future of the scene of a checkpoint, which was learned from `photos`.
-    ///
-    /// # Errors
-    /// A sentence when the checkpoint is damaged.
-    fn extrapolate(&self, checkpoint: &Checkpoint, photos: &Scene, device: &Device) -> Result<Box<dyn Extrapolation>>;
-}
+/// The future of the scene of a checkpoint, which was learned from these photos; the error says what is damaged.
+pub type Extrapolate = fn(&Checkpoint, &Scene, &Device) -> Result<Box<dyn Extrapolation>>;
 
 /// A request for a measurement.
 pub struct EvalRequest<'a> {
@@ -171,17 +160,6 @@ pub struct EvalRequest<'a> {
     pub device: &'a Device,
     /// Whether pictures of all views are returned.
     pub pictures: bool,
-}
-
-/// The network that ships with the program.
-///
-/// # Errors
-/// When its file does not fit this version.
-pub fn shipped() -> Result<Checkpoint> {
-    match PIPELINES.iter().find_map(|pipeline| pipeline.networks()) {
-        Some(networks) => networks.shipped(),
-        None => bail!("no network ships with this program; name one with --model"),
-    }
 }
 
 /// A request for a reconstruction without training.

@@ -142,14 +142,14 @@ fn pipeline_of(layers: &[Layer]) -> Result<&'static dyn Pipeline, ConfigError> {
 
 /// Checks that every key of a layer is one of the pipeline's.
 fn check_keys(table: &Table, origin: &str, pipeline: &dyn Pipeline, defaults: &Table) -> Result<(), ConfigError> {
-    let Some(key) = tables::unknown_key(table, defaults) else { return Ok(()) };
+    let valid = tables::keys(defaults);
+    let Some(key) = tables::keys(table).into_iter().find(|key| !valid.contains(key)) else { return Ok(()) };
     let origin = origin.to_string();
     let has_key = |other: &&&dyn Pipeline| tables::keys(&other.defaults()).contains(&key);
     if let Some(owner) = PIPELINES.iter().find(has_key) {
         let (owner, pipeline) = (owner.name().into(), pipeline.name().into());
         return Err(ConfigError::OtherPipeline { origin, key, owner, pipeline });
     }
-    let valid = tables::keys(defaults);
     let hint = match (nearest(&key, &valid), beside(&key, &valid).as_slice()) {
         _ if present_name(&key).is_some() => format!("it is `{}` now", present_name(&key).unwrap_or_default()),
         (Some(nearest), _) => format!("the nearest valid key is `{nearest}`"),

@@ -262,15 +262,6 @@ pub struct BenchArgs {
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,
 
-    /// List the kernel launches of one training step in place of timing (GPU only)
-    #[arg(long)]
-    pub launches: bool,
-
-    /// Time the step of a rollout through time by stage over the length of the rollout and the number of moving
-    /// Gaussians instead
-    #[arg(long, conflicts_with = "launches")]
-    pub rollout: bool,
-
     /// Device
     #[command(flatten)]
     pub device: DeviceArgs,

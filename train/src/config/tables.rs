@@ -145,43 +145,29 @@ pub fn merge(into: &mut Table, from: Table) {
     }
 }
 
-/// The first key of `table` that is not in `valid`, with its sections.
-pub fn unknown_key(table: &Table, valid: &Table) -> Option<String> {
-    let valid = keys(valid);
-    keys(table).into_iter().find(|key| !valid.contains(key))
-}
-
 /// All keys with their sections, sections included.
 pub fn keys(table: &Table) -> Vec<String> {
-    fn list(table: &Table, prefix: &str, keys: &mut Vec<String>) {
-        for (key, value) in table {
-            let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
-            if let Value::Table(inner) = value {
-                list(inner, &path, keys);
-            }
-            keys.push(path);
-        }
-    }
-    let mut all = Vec::new();
-    list(table, "", &mut all);
-    all
+    entries(table, "").into_iter().map(|(key, _)| key).collect()
 }
 
 /// Every value by its key with sections, strings without quotes.
 pub fn flat(table: &Table) -> Vec<(String, String)> {
-    fn list(table: &Table, prefix: &str, values: &mut Vec<(String, String)>) {
-        for (key, value) in table {
-            let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
-            match value {
-                Value::Table(inner) => list(inner, &path, values),
-                Value::String(text) => values.push((path, text.clone())),
-                other => values.push((path, other.to_string())),
-            }
-        }
-    }
-    let mut all = Vec::new();
-    list(table, "", &mut all);
-    all
+    let shown = |(key, value): (String, &Value)| match value {
+        Value::Table(_) => None,
+        Value::String(text) => Some((key, text.clone())),
+        other => Some((key, other.to_string())),
+    };
+    entries(table, "").into_iter().filter_map(shown).collect()
+}
+
+/// Every key with its sections and its value; a section comes after its keys.
+fn entries<'a>(table: &'a Table, prefix: &str) -> Vec<(String, &'a Value)> {
+    let each = |(key, value): (&String, &'a Value)| {
+        let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+        let inner = value.as_table().map(|inner| entries(inner, &path)).unwrap_or_default();
+        inner.into_iter().chain([(path, value)])
+    };
+    table.iter().flat_map(each).collect()
 }
 
 /// A parser's complaint on one line.

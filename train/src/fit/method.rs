@@ -19,6 +19,7 @@ use super::density::Control;
 use super::facts::SceneFacts;
 use super::initialise::{InitialGaussians, initial_gaussians};
 use super::photos::{Extra, Photo};
+use super::random::Purpose;
 use super::sampler::{Sampler, ViewOrder};
 use crate::config::{Config, FitConfig, Section};
 
@@ -141,7 +142,7 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
 
     /// The order in which steps use the views.
     fn order(&self, views: &[View], config: &FitConfig<Self::Config>) -> Box<dyn ViewOrder> {
-        Box::new(Sampler::new(config.seed, views.len()))
+        Box::new(Sampler::new(Purpose::Views, config.seed, views.len()))
     }
 
     /// The images of `photos` and their loss. `self` and `gaussians` are leaves of this step's graph. `screens` has one

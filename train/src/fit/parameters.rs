@@ -30,13 +30,7 @@ impl Group {
 
     /// The group's name in [`Gaussians`].
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Means => "means",
-            Self::Quats => "quats",
-            Self::LogScales => "log_scales",
-            Self::Opacity => "opacity_logits",
-            Self::Sh => "sh",
-        }
+        &self.path()["gaussians.".len()..]
     }
 
     /// The group's path in a [`Model`](super::trainer::Model).
@@ -66,9 +60,6 @@ pub trait Table {
     /// One group, `[N, columns]`.
     fn group(&self, group: Group) -> Tensor<2>;
 
-    /// Takes a group out, `[N, columns]`, so that it has one owner; [`set`](Self::set) puts it back.
-    fn take(&mut self, group: Group) -> Tensor<2>;
-
     /// Replaces one group by `[N, columns]`.
     fn set(&mut self, group: Group, values: Tensor<2>);
 
@@ -86,24 +77,6 @@ impl Table for Gaussians {
             Group::LogScales => self.log_scales.val(),
             Group::Opacity => self.opacity_logits.val().unsqueeze_dim(1),
             Group::Sh => self.sh.val().flatten(1, 2),
-        }
-    }
-
-    fn take(&mut self, group: Group) -> Tensor<2> {
-        let device = self.device();
-        let empty = |shape: [usize; 2]| Param::from_tensor(Tensor::empty(shape, &device));
-        match group {
-            Group::Means => std::mem::replace(&mut self.means, empty([0, 3])).into_value(),
-            Group::Quats => std::mem::replace(&mut self.quats, empty([0, 4])).into_value(),
-            Group::LogScales => std::mem::replace(&mut self.log_scales, empty([0, 3])).into_value(),
-            Group::Opacity => {
-                let none = Param::from_tensor(Tensor::empty([0], &device));
-                std::mem::replace(&mut self.opacity_logits, none).into_value().unsqueeze_dim(1)
-            }
-            Group::Sh => {
-                let none = Param::from_tensor(Tensor::empty([0, 1, 3], &device));
-                std::mem::replace(&mut self.sh, none).into_value().flatten(1, 2)
-            }
         }
     }
 

@@ -27,14 +27,12 @@ pub struct Photo<X> {
 /// A method's device data of a photo: masks, depth and the like.
 pub trait Extra: Clone + fmt::Debug {
     /// Floats per pixel, for the size of the photo cache.
-    fn floats_per_pixel(&self) -> usize;
-}
-
-impl Extra for () {
     fn floats_per_pixel(&self) -> usize {
         0
     }
 }
+
+impl Extra for () {}
 
 /// The method's data of a view, by its index.
 type MakeExtra<'a, X> = Box<dyn Fn(&View, usize, &Device) -> X + 'a>;
@@ -103,11 +101,10 @@ impl<'a, X: Extra> Photos<'a, X> {
 }
 
 fn upload<X>(view: &View, device: &Device, pixel: f64, extra: X) -> Photo<X> {
-    let tensor = |bytes: &[u8], channels| to_tensor(view, bytes, channels, device);
     Photo {
         camera: camera(view, device),
-        image: tensor(&view.image.data, 3),
-        mask: view.mask.as_ref().map(|mask| tensor(mask, 1)),
+        image: to_tensor(view, &view.image.data, 3, device),
+        mask: mask_of(view, device),
         time: view.time.unwrap_or(0.0),
         pixel,
         extra,
@@ -119,8 +116,18 @@ pub fn camera(view: &View, device: &Device) -> Camera {
     Camera::from_c2w(view.c2w, view.intrinsics, view.width, view.height, device)
 }
 
+/// The mask of a view, `[H, W, 1]`: 1 where it counts; `None` if every pixel does.
+pub fn mask_of(view: &View, device: &Device) -> Option<Tensor<3>> {
+    view.mask.as_ref().map(|mask| to_tensor(view, mask, 1, device))
+}
+
 /// Bytes of an image of the view's size as floats from 0 to 1, `[H, W, channels]`.
 pub fn to_tensor(view: &View, bytes: &[u8], channels: usize, device: &Device) -> Tensor<3> {
+    image_tensor(bytes, [view.height, view.width, channels], device)
+}
+
+/// Bytes of an image as floats from 0 to 1.
+pub fn image_tensor(bytes: &[u8], shape: [usize; 3], device: &Device) -> Tensor<3> {
     let floats: Vec<f32> = bytes.par_iter().with_min_len(1 << 14).map(|b| f32::from(*b) / 255.0).collect();
-    Tensor::from_data(TensorData::new(floats, [view.height, view.width, channels]), device)
+    Tensor::from_data(TensorData::new(floats, shape), device)
 }

@@ -11,9 +11,10 @@ pub trait ViewOrder {
     fn views(&mut self, step: usize) -> Vec<usize>;
 }
 
-/// One view a step: every view once an epoch, in an order drawn from the seed.
+/// One item a step, of views or snippets: every one once an epoch, in an order drawn from the seed.
 #[derive(Debug, Clone)]
 pub struct Sampler {
+    purpose: Purpose,
     seed: u64,
     count: usize,
     epoch: Option<u64>,
@@ -21,18 +22,18 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// A sampler over `count` views, at least one.
-    pub fn new(seed: u64, count: usize) -> Self {
+    /// A sampler over `count` items, at least one, by the streams of `purpose`.
+    pub fn new(purpose: Purpose, seed: u64, count: usize) -> Self {
         assert!(count > 0, "a scene without training views is refused when it is loaded");
-        Self { seed, count, epoch: None, order: (0..count).collect() }
+        Self { purpose, seed, count, epoch: None, order: (0..count).collect() }
     }
 
-    /// The index of the view of `step` (from 1).
+    /// The index of the item of `step` (from 1).
     pub fn pick(&mut self, step: usize) -> usize {
         let epoch = ((step - 1) / self.count) as u64;
         if self.epoch != Some(epoch) {
             self.order = (0..self.count).collect();
-            self.order.shuffle(&mut stream(self.seed, Purpose::Views, epoch));
+            self.order.shuffle(&mut stream(self.seed, self.purpose, epoch));
             self.epoch = Some(epoch);
         }
         self.order[(step - 1) % self.count]
@@ -51,7 +52,7 @@ mod tests {
 
     #[test]
     fn an_epoch_holds_every_view_once() {
-        let mut sampler = Sampler::new(3, 10);
+        let mut sampler = Sampler::new(Purpose::Views, 3, 10);
         let first: Vec<usize> = (1..=10).map(|step| sampler.pick(step)).collect();
         let second: Vec<usize> = (11..=20).map(|step| sampler.pick(step)).collect();
         let sorted = |mut order: Vec<usize>| {
@@ -65,9 +66,9 @@ mod tests {
 
     #[test]
     fn a_resumed_sampler_continues() {
-        let mut whole = Sampler::new(3, 7);
+        let mut whole = Sampler::new(Purpose::Views, 3, 7);
         let order: Vec<usize> = (1..=30).map(|step| whole.pick(step)).collect();
-        let mut resumed = Sampler::new(3, 7);
+        let mut resumed = Sampler::new(Purpose::Views, 3, 7);
         assert_eq!((17..=30).map(|step| resumed.pick(step)).collect::<Vec<_>>(), order[16..]);
     }
 }

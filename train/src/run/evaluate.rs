@@ -5,7 +5,7 @@ use gs_burn::Gaussians;
 use gs_datasets::{Scene, View};
 
 use super::measured::{Measured, ModelSize, Quality, Scores, ViewScores};
-use super::metrics::{Perceptual, ms_ssim, mse_of_psnr, psnr, psnr_masked, psnr_of_mse, ssim, ssim_masked};
+use super::metrics::{self, Perceptual, ms_ssim, mse_of_psnr, psnr, psnr_masked, psnr_of_mse, ssim, ssim_masked};
 use crate::config::EvalConfig;
 use crate::fit::method::Step;
 use crate::fit::photos::{Photo, Photos, to_tensor};
@@ -253,11 +253,7 @@ impl Evaluator {
 
 /// PSNR of the mean over views of the squared error, dB; 0 without a view.
 fn psnr_of_mean_error(views: &[ViewScores]) -> f64 {
-    if views.is_empty() {
-        return 0.0;
-    }
-    let errors = views.iter().map(|view| mse_of_psnr(view.scores.psnr));
-    psnr_of_mse(errors.sum::<f64>() / views.len() as f64)
+    metrics::mean(views.iter().map(|view| mse_of_psnr(view.scores.psnr))).map_or(0.0, psnr_of_mse)
 }
 
 /// The views of each time by index, times ascending; 0 for a view without a time.
@@ -278,8 +274,7 @@ fn by_time(views: &[View]) -> Vec<(f64, Vec<usize>)> {
 /// The mean of each score that all views have; `None` without a view.
 fn mean<'a>(scores: impl Iterator<Item = &'a Scores> + Clone) -> Option<Scores> {
     let of = |value: fn(&Scores) -> Option<f64>| -> Option<f64> {
-        let values: Vec<f64> = scores.clone().map(value).collect::<Option<_>>()?;
-        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+        metrics::mean(scores.clone().map(value).collect::<Option<Vec<f64>>>()?)
     };
     Some(Scores {
         psnr: of(|scores| Some(scores.psnr))?,

@@ -15,6 +15,7 @@ use toml::Table;
 
 use super::lock;
 use super::measured::Evaluation;
+use super::outputs::write_json;
 use crate::config::tables;
 
 /// Largest metrics.jsonl, bytes: a line of 200 bytes every ten steps makes 20 MB in a million steps.
@@ -351,8 +352,7 @@ impl RunFolder {
     /// # Errors
     /// When it cannot be written.
     pub fn write_eval(&self, eval: &EvalFile) -> Result<()> {
-        let text = serde_json::to_string_pretty(eval).expect("figures are JSON");
-        Ok(write_atomic(&self.eval(), (text + "\n").as_bytes())?)
+        write_json(&self.eval(), eval)
     }
 
     /// Reads eval.json.

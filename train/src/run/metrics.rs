@@ -8,6 +8,8 @@ mod lpips;
 mod ms_ssim;
 mod windows;
 
+use std::borrow::Borrow;
+
 use burn::tensor::Tensor;
 use gs_burn::ops::ssim::l1_ssim;
 
@@ -32,6 +34,21 @@ pub fn psnr_masked(image: Tensor<3>, truth: Tensor<3>, mask: Tensor<3>) -> f64 {
     let squares: f32 = (difference.clone() * difference).sum().into_scalar();
     let pixels: f32 = mask.sum().into_scalar();
     psnr_of_mse(f64::from(squares) / (3.0 * f64::from(pixels).max(1.0)))
+}
+
+/// The mean; `None` without values.
+pub fn mean<T: Borrow<f64>>(values: impl IntoIterator<Item = T>) -> Option<f64> {
+    let values = values.into_iter().map(|value| *value.borrow());
+    let (sum, count) = values.fold((0.0, 0_usize), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / count as f64)
+}
+
+/// PSNR over the pixels at which `counts` `[H, W, 1]` is 1; over all without it.
+pub fn psnr_counted(image: Tensor<3>, truth: Tensor<3>, counts: Option<Tensor<3>>) -> f64 {
+    match counts {
+        None => psnr(image, truth),
+        Some(counts) => psnr_masked(image, truth, counts),
+    }
 }
 
 /// PSNR in dB of a mean squared error; at most `PSNR_MAX`.

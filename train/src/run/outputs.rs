@@ -8,6 +8,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use gs_base::atomic::temporary_begin;
+use gs_base::write_atomic;
+use gs_datasets::image_io::encode_png;
+use serde::Serialize;
 
 /// The mark: a text chunk of a PNG, a comment of PLY, SPZ, GIF, SVG, HTML and Markdown, the generator of glTF, the last
 /// box of an MP4, an attribute of EXR, a field of JSON.
@@ -122,6 +125,23 @@ fn is_our_table(begin: &[u8]) -> bool {
     let first = begin.split(|byte| *byte == b'\n').next().unwrap_or_default();
     let first = String::from_utf8_lossy(first);
     first.starts_with(CSV.0) && CSV.1.iter().all(|column| first.contains(column))
+}
+
+/// Writes an image of 8 bits, `[height, width, channels]`, with the mark.
+///
+/// # Errors
+/// When it cannot be encoded or written; then no partial file is left.
+pub fn write_png(path: &Path, [width, height]: [usize; 2], pixels: &[u8]) -> Result<()> {
+    Ok(write_atomic(path, &marked_png(&encode_png(path, width, height, pixels)?))?)
+}
+
+/// Writes figures as JSON for readers.
+///
+/// # Errors
+/// When they cannot be written; then no partial file is left.
+pub fn write_json(path: &Path, figures: &impl Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(figures).expect("figures are JSON") + "\n";
+    Ok(write_atomic(path, text.as_bytes())?)
 }
 
 /// An SVG with the mark in a comment.

@@ -5,13 +5,14 @@
 
 use std::fmt::Write as _;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use burn::tensor::Device;
-use gs_base::{guarded, write_atomic};
+use gs_base::guarded;
 use gs_burn::profile::{Clock, REST, StageTime};
 use serde::{Deserialize, Serialize};
 
 use super::folder::RunFolder;
+use super::outputs::write_json;
 use super::resources::cpu_seconds;
 
 /// Stages below this share of a step are merged into one row of the table.
@@ -145,8 +146,7 @@ impl Profile {
 /// When it cannot be written.
 pub fn write_if_recording(folder: &RunFolder, device: &str) -> Result<()> {
     let Some(profile) = Profile::new(&gs_burn::profile::so_far(), device) else { return Ok(()) };
-    let text = serde_json::to_string_pretty(&profile).context("a profile that is not numbers")?;
-    Ok(write_atomic(&folder.profile(), (text + "\n").as_bytes())?)
+    write_json(&folder.profile(), &profile)
 }
 
 fn milliseconds(seconds: f64) -> String {

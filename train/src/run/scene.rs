@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::{Device, Tensor};
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use gs_base::local::is_far;
 use gs_base::{agree, counted, median};
 use gs_burn::{Gaussians, RenderOptions};
@@ -16,6 +16,7 @@ use super::evaluate::TIMES_AT_ONCE;
 use super::exchange::host::{gaussians_of, splats_of};
 use super::exchange::{MotionScene, Packed, motion_of, offset_note, read_packed, refuse_foreign};
 use super::folder::RunFolder;
+use super::presentation::{Camera, Presentation, PresentedScene};
 use crate::config::{Config, RenderConfig, brief};
 use crate::fit::density::ops::Draft;
 use crate::fit::facts::SceneFacts;
@@ -91,15 +92,29 @@ impl LoadedScene {
         loaded
     }
 
-    /// The scene as a file holds it, at time `t`, or at all times where there is none: at the middle of its recording,
-    /// with its motion. One that is no series of functions of time has `samples` key frames.
-    pub fn packed(&self, t: Option<f64>, samples: usize) -> Packed {
-        let motion = if t.is_none() { motion_of(&*self.scene, self.middle, samples) } else { None };
+    /// The scene as a file holds it, of `gaussians` at a time; those of all times (`moves`) are at the middle of its
+    /// recording, and have its motion. One that is no series of functions of time has `samples` key frames.
+    pub fn packed(&self, gaussians: &Gaussians, moves: bool, samples: usize) -> Packed {
+        let motion = if moves { motion_of(&*self.scene, self.middle, samples) } else { None };
         // A file that says nothing of it may have been trained either way.
         let is_known = self.run.is_some() || self.render.antialiased;
         let antialiased = is_known.then_some(self.render.antialiased);
-        let splats = splats_of(&self.scene.at(t.unwrap_or(self.middle)), antialiased);
+        let splats = splats_of(gaussians, antialiased);
         Packed { splats: Splats { offset: self.origin.to_array(), ..splats }, motion, samples }
+    }
+
+    /// The scene as it is shown with these cameras.
+    pub fn presented(self, name: &str, cameras: Vec<Camera>) -> PresentedScene {
+        let presentation = Presentation {
+            name: name.into(),
+            options: self.render_options(self.gaussians.sh_degree()),
+            middle: self.middle,
+            cameras,
+            distance: self.facts.subject_distance,
+            shutter: self.shutter,
+            world: DMat4::from_translation(self.origin),
+        };
+        PresentedScene { scene: self.scene, presentation }
     }
 
     /// The options of a rendering at an SH degree.
@@ -121,14 +136,6 @@ impl LoadedScene {
         if let Some(warning) = outside(&times.into_iter().collect::<Vec<_>>(), span) {
             tracing::warn!("{warning}");
         }
-    }
-
-    /// Checks that the scene can be asked at `times`; `what` says where they come from.
-    ///
-    /// # Errors
-    /// A sentence about the first time out of reach.
-    pub fn reaches(&self, what: &str, times: impl IntoIterator<Item = f64>) -> Result<()> {
-        within_reach(&*self.scene, what, times)
     }
 
     /// Checks that the scene has times.
@@ -210,18 +217,14 @@ pub fn read_file(path: &Path) -> Result<SceneFile> {
 /// # Errors
 /// When the file cannot be written, one sentence that names it; then no partial file is left.
 pub fn write_ply(path: &Path, gaussians: &Gaussians, origin: DVec3) -> Result<()> {
-    write_placed(path, gaussians, origin, None)
+    write_ply_as(path, gaussians, origin, None)
 }
 
-/// [`write_ply`] with a comment that says whether the scene is to be drawn with antialiasing.
+/// [`write_ply`] with a comment that says whether the scene is to be drawn with antialiasing, where that is known.
 ///
 /// # Errors
 /// As [`write_ply`].
-pub fn write_ply_as(path: &Path, gaussians: &Gaussians, origin: DVec3, antialiased: bool) -> Result<()> {
-    write_placed(path, gaussians, origin, Some(antialiased))
-}
-
-fn write_placed(path: &Path, gaussians: &Gaussians, origin: DVec3, antialiased: Option<bool>) -> Result<()> {
+pub fn write_ply_as(path: &Path, gaussians: &Gaussians, origin: DVec3, antialiased: Option<bool>) -> Result<()> {
     let splats = if is_far(origin.to_array()) {
         Splats { offset: origin.to_array(), ..splats_of(gaussians, antialiased) }
     } else {

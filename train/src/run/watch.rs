@@ -109,7 +109,8 @@ pub struct Run {
     metrics: MetricsFile,
     history: Vec<MetricsLine>,
     progress: Progress,
-    clock: Clock,
+    /// Time of training so far, with reading the photos and finding the first Gaussians, without observers.
+    clock: Cost,
     begun: Instant,
     /// Number of steps with each note.
     notes: BTreeMap<Note, usize>,
@@ -283,7 +284,6 @@ impl Run {
     }
 
     /// Updates bar and metrics after `step` steps. `psnr` measures the step's image, if a line is written.
-    ///
     pub fn observe(
         &mut self,
         step: usize,
@@ -369,8 +369,7 @@ impl Run {
     /// # Errors
     /// The second value, when the disk does not take the last one; it may take an earlier one later.
     pub fn record(&mut self, step: usize, measured: Measured) -> (EvalFile, Result<()>) {
-        let cost =
-            Cost { seconds: self.clock.seconds, cpu_seconds: self.clock.cpu_seconds, peak_memory_bytes: peak_memory() };
+        let cost = Cost { peak_memory_bytes: peak_memory(), ..self.clock };
         let evaluation = Evaluation { step, measured, cost };
         if step < self.plan.steps {
             self.say(&evaluation.line());
@@ -460,13 +459,6 @@ impl Run {
     }
 }
 
-/// Time of training so far, with reading the photos and finding the first Gaussians, without observers.
-#[derive(Debug, Clone, Copy)]
-struct Clock {
-    seconds: f64,
-    cpu_seconds: Option<f64>,
-}
-
 /// The most Gaussians in any line of metrics.
 fn most_gaussians(history: &[MetricsLine]) -> Option<usize> {
     let counts = history.iter().filter_map(|line| match line {
@@ -477,10 +469,11 @@ fn most_gaussians(history: &[MetricsLine]) -> Option<usize> {
 }
 
 /// The clock at the last line of metrics.
-fn last_clock(history: &[MetricsLine]) -> Clock {
+fn last_clock(history: &[MetricsLine]) -> Cost {
     let last = history.iter().rev().find_map(|line| match line {
-        MetricsLine::Train(line) => Some(Clock { seconds: line.seconds, cpu_seconds: line.cpu_seconds }),
+        MetricsLine::Train(line) => Some((line.seconds, line.cpu_seconds)),
         MetricsLine::Eval(_) => None,
     });
-    last.unwrap_or(Clock { seconds: 0.0, cpu_seconds: cpu_seconds().map(|_| 0.0) })
+    let (seconds, cpu_seconds) = last.unwrap_or((0.0, cpu_seconds().map(|_| 0.0)));
+    Cost { seconds, cpu_seconds, peak_memory_bytes: None }
 }

@@ -4,11 +4,10 @@ use std::path::Path;
 
 use anyhow::Result;
 use glam::{DMat4, DVec3};
-use gs_base::write_atomic;
 use gs_models::flux4d::actors::{Actor, LinkConfig, link_actors};
 use serde::Serialize;
 
-use gs_train::run::outputs::MARK;
+use gs_train::run::outputs::{MARK, write_json};
 
 /// The actors of all snippets.
 #[derive(Debug, Default)]
@@ -106,8 +105,6 @@ impl ActorList {
             OfSnippet { name: name.clone(), actors: actors.iter().zip(numbers).enumerate().map(of_actor).collect() }
         });
         let units = "metres in the world of the log, radians, metres per second, seconds from the log's first frame";
-        let file = File { program: MARK, units, snippets: snippets.collect() };
-        let text = serde_json::to_string_pretty(&file).expect("actors are JSON") + "\n";
-        Ok(write_atomic(path, text.as_bytes())?)
+        write_json(path, &File { program: MARK, units, snippets: snippets.collect() })
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use glam::DVec3;
 use gs_burn::{Camera, Gaussians};
 use gs_driving::DrivingLog;
@@ -26,10 +26,11 @@ use super::snippet_page;
 use super::world::in_world;
 use gs_train::fit::figure::{Better, Figure};
 use gs_train::fit::parameters::to_host;
+use gs_train::fit::photos::image_tensor;
 use gs_train::fit::told::MOVING;
 use gs_train::run::evaluate::{Comparison, Evaluator, scores_within};
 use gs_train::run::measured::{Measured, ModelSize, ViewScores};
-use gs_train::run::metrics::{psnr, psnr_masked};
+use gs_train::run::metrics::{mean, psnr, psnr_masked};
 use gs_train::run::pixels::velocity_colors;
 use gs_train::run::presentation::PresentedScene;
 use gs_train::sentence::one_sentence;
@@ -58,12 +59,19 @@ pub struct Split<'a> {
     pub pictures: usize,
 }
 
-/// A measurement under way: sums over snippets.
+/// A measurement under way.
 struct Measuring<'a> {
     evaluator: Evaluator,
     clustering: ActorConfig,
     /// Whether pictures are kept, and of every how many views.
     kept: Option<usize>,
+    network: &'a FluxNetwork,
+    sums: Sums,
+}
+
+/// Sums over snippets.
+#[derive(Default)]
+struct Sums {
     views: Vec<ViewScores>,
     pictures: Vec<Comparison>,
     baselines: Baselines,
@@ -74,7 +82,6 @@ struct Measuring<'a> {
     skipped: usize,
     scene: Option<(Gaussians, DVec3)>,
     viewed: Option<PresentedScene>,
-    network: &'a FluxNetwork,
 }
 
 /// PSNR of other Gaussians on the same views, dB.
@@ -95,7 +102,8 @@ pub fn measure(network: &FluxNetwork, split: &Split, config: &FluxConfig, device
     let ready = Ready::new(network);
     let views = split.places.iter().map(|place| place.snippet.targets.len()).sum::<usize>();
     let kept = (split.pictures > 0).then(|| views.div_ceil(split.pictures).max(1));
-    let mut measuring = Measuring::new(network, config, kept, device);
+    let (evaluator, clustering) = (Evaluator::new(&config.eval, device), config.own.actors.config());
+    let mut measuring = Measuring { evaluator, clustering, kept, network, sums: Sums::default() };
     let mut last = "no image lies between the inputs".to_string();
     for place in split.places {
         let log = &split.logs.logs[place.log];
@@ -108,37 +116,18 @@ pub fn measure(network: &FluxNetwork, split: &Split, config: &FluxConfig, device
             Ok((host, inferred)) => measuring.add(log, &host, &inferred)?,
             Err(reason) => {
                 tracing::warn!("a snippet is not measured: {reason}");
-                measuring.skipped += 1;
+                measuring.sums.skipped += 1;
                 last = reason;
             }
         }
     }
-    if measuring.views.is_empty() {
+    if measuring.sums.views.is_empty() {
         bail!("no snippet of the split {} can be measured: {last}", split.name);
     }
     Ok(measuring.finish(split.name))
 }
 
-impl<'a> Measuring<'a> {
-    fn new(network: &'a FluxNetwork, config: &FluxConfig, kept: Option<usize>, device: &Device) -> Self {
-        Self {
-            evaluator: Evaluator::new(&config.eval, device),
-            clustering: config.own.actors.config(),
-            kept,
-            views: Vec::new(),
-            pictures: Vec::new(),
-            baselines: Baselines::default(),
-            labels: LabelScores::default(),
-            seconds: Vec::new(),
-            gaussians: Vec::new(),
-            moving_share: Vec::new(),
-            skipped: 0,
-            scene: None,
-            viewed: None,
-            network,
-        }
-    }
-
+impl Measuring<'_> {
     /// Renders and compares the targets and the future of a snippet, its flow and its actors.
     fn add(&mut self, log: &DrivingLog, host: &HostSnippet, inferred: &Inferred) -> Result<()> {
         let device = inferred.raw.device();
@@ -148,17 +137,17 @@ impl<'a> Measuring<'a> {
         for view in &host.future {
             let camera = camera(log, view, &device);
             let image = color(inferred, &inferred.raw, &inferred.velocity, (&camera, view.time));
-            self.baselines.future.push(psnr(image, photo(view, &device)));
+            self.sums.baselines.future.push(psnr(image, photo(view, &device)));
         }
         let scene = inferred.scene(host, REST_SPEED)?;
         let actors = find_actors(&scene, host.middle(), &[], &self.clustering)?;
-        self.labels.add(log, host, inferred, &scene, &actors)?;
-        self.moving_share.push(scene.moving() as f64 / scene.gaussians.len().max(1) as f64);
-        self.seconds.push([inferred.map_seconds, inferred.pass_seconds]);
-        self.gaussians.push(scene.gaussians.len());
-        self.scene.get_or_insert_with(|| in_world(&scene.at(host.middle()), &host.to_world, log.origin()));
+        self.sums.labels.add(log, host, inferred, &scene, &actors)?;
+        self.sums.moving_share.push(scene.moving() as f64 / scene.gaussians.len().max(1) as f64);
+        self.sums.seconds.push([inferred.map_seconds, inferred.pass_seconds]);
+        self.sums.gaussians.push(scene.gaussians.len());
+        self.sums.scene.get_or_insert_with(|| in_world(&scene.at(host.middle()), &host.to_world, log.origin()));
         if self.kept.is_some() {
-            self.viewed.get_or_insert_with(|| {
+            self.sums.viewed.get_or_insert_with(|| {
                 let presentation = snippet_page::presentation(host, log);
                 PresentedScene { scene: Box::new(scene), presentation }
             });
@@ -174,52 +163,52 @@ impl<'a> Measuring<'a> {
         let lifted = color(inferred, &inferred.sample.lifted.raw, &rest, (&camera, view.time));
         let still = color(inferred, &inferred.raw, &rest, (&camera, view.time));
         let Some(whole) = self.evaluator.scores(ours.clone(), truth.clone(), None) else { return Ok(()) };
-        self.baselines.lifted.push(psnr(lifted.clone(), truth.clone()));
-        self.baselines.still.push(psnr(still.clone(), truth.clone()));
+        self.sums.baselines.lifted.push(psnr(lifted.clone(), truth.clone()));
+        self.sums.baselines.still.push(psnr(still.clone(), truth.clone()));
         let mut regions = BTreeMap::new();
         if let Some(mask) = moving::mask(log, host, view)? {
-            let mask = mask_tensor(view, &mask, &device);
-            self.baselines.lifted_moving.push(psnr_masked(lifted.clone(), truth.clone(), mask.clone()));
-            self.baselines.still_moving.push(psnr_masked(still, truth.clone(), mask.clone()));
+            let mask = image_tensor(&mask, [view.image.height, view.image.width, 1], &device);
+            self.sums.baselines.lifted_moving.push(psnr_masked(lifted.clone(), truth.clone(), mask.clone()));
+            self.sums.baselines.still_moving.push(psnr_masked(still, truth.clone(), mask.clone()));
             let scores = scores_within(ours.clone(), truth.clone(), mask);
             regions.extend(scores.map(|scores| (MOVING.to_string(), scores)));
         }
-        if self.kept.is_some_and(|every| self.views.len().is_multiple_of(every)) {
+        if self.kept.is_some_and(|every| self.sums.views.len().is_multiple_of(every)) {
             let velocity = velocity_picture(inferred, (&camera, view.time));
             let more = vec![("lifted points alone", lifted), ("velocity", velocity)];
             let (name, psnr) = (view.name.clone(), whole.psnr);
-            self.pictures.push(Comparison { name, truth, image: ours, mask: None, blurry: None, psnr, more });
+            self.sums.pictures.push(Comparison { name, truth, image: ours, mask: None, blurry: None, psnr, more });
         }
-        self.views.push(ViewScores { name: view.name.clone(), scores: whole, regions });
+        self.sums.views.push(ViewScores { name: view.name.clone(), scores: whole, regions });
         Ok(())
     }
 
     fn finish(self, name: &str) -> Measurement {
-        let quality = self.evaluator.summary(self.views.clone(), "photo");
-        let mut figures = self.baselines.figures(quality.mean.psnr, quality.moving().map(|scores| scores.psnr));
-        figures.extend(self.labels.figures());
+        let quality = self.evaluator.summary(self.sums.views.clone(), "photo");
+        let mut figures = self.sums.baselines.figures(quality.mean.psnr, quality.moving().map(|scores| scores.psnr));
+        figures.extend(self.sums.labels.figures());
         figures.extend(self.cost_figures());
-        let gaussians = self.gaussians.iter().max().copied().unwrap_or(0);
+        let gaussians = self.sums.gaussians.iter().max().copied().unwrap_or(0);
         // Position, quaternion, scale, opacity, colour: 14 numbers.
         let size = ModelSize { gaussians, bytes: 4 * 14 * gaussians };
-        let tables = self.labels.table().into_iter().collect();
+        let tables = self.sums.labels.table().into_iter().collect();
         let measured = Measured { split: name.into(), quality, size, figures, tables };
-        Measurement { measured, pictures: self.pictures, scene: self.scene, viewed: self.viewed }
+        Measurement { measured, pictures: self.sums.pictures, scene: self.sums.scene, viewed: self.sums.viewed }
     }
 
     fn cost_figures(&self) -> Vec<Figure> {
-        let seconds = |index: usize| mean(&self.seconds.iter().map(|pair| pair[index]).collect::<Vec<_>>());
+        let seconds = |index: usize| mean(self.sums.seconds.iter().map(|pair| pair[index]));
         let mut figures = Vec::new();
         let timed =
             |key: &str, name: &str, value: f64| Figure::new(key, name, value, "s").digits(3).better(Better::Lower);
         figures.extend(seconds(0).map(|value| timed("seconds_maps", "kernel maps of a snippet", value)));
         figures.extend(seconds(1).map(|value| timed("seconds_passes", "passes of a snippet", value).column()));
-        let share = mean(&self.moving_share).unwrap_or(0.0);
+        let share = mean(&self.sums.moving_share).unwrap_or(0.0);
         figures.push(Figure::new("moving_share", "share of Gaussians that move", share, "").digits(3));
         let parameters = super::saved::parameters(self.network);
         figures.push(Figure::new("parameters", "parameters of the network", parameters as f64, ""));
-        figures.push(Figure::new("snippets", "snippets measured", self.seconds.len() as f64, ""));
-        figures.push(Figure::new("snippets_skipped", "snippets that could not be used", self.skipped as f64, ""));
+        figures.push(Figure::new("snippets", "snippets measured", self.sums.seconds.len() as f64, ""));
+        figures.push(Figure::new("snippets_skipped", "snippets that could not be used", self.sums.skipped as f64, ""));
         figures
     }
 }
@@ -259,16 +248,5 @@ pub fn velocity_picture(inferred: &Inferred, view: (&Camera, f64)) -> Tensor<3> 
     let [height, width, _] = rendering.color.dims();
     let pixels = rendering.features.map(to_host).unwrap_or_default();
     let vectors: Vec<f32> = pixels.as_chunks::<2>().0.iter().flat_map(|[u, v]| [*u, *v, 0.0]).collect();
-    let bytes = velocity_colors(&vectors);
-    let floats: Vec<f32> = bytes.into_iter().map(|byte| f32::from(byte) / 255.0).collect();
-    Tensor::from_data(TensorData::new(floats, [height, width, 3]), &rendering.color.device())
-}
-
-fn mask_tensor(view: &HostView, mask: &[u8], device: &Device) -> Tensor<3> {
-    let floats: Vec<f32> = mask.iter().map(|value| f32::from(*value) / 255.0).collect();
-    Tensor::from_data(TensorData::new(floats, [view.image.height, view.image.width, 1]), device)
-}
-
-fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    image_tensor(&velocity_colors(&vectors), [height, width, 3], &rendering.color.device())
 }

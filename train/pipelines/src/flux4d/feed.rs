@@ -9,13 +9,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
 use anyhow::{Result, anyhow};
-use rand::seq::SliceRandom;
 
 use super::config::FluxConfig;
 use super::logs::{Logs, Place};
 use super::prepare::{HostSnippet, prepare};
 use super::recolour::recoloured;
-use gs_train::fit::random::{Purpose, stream};
+use gs_train::fit::random::Purpose;
+use gs_train::fit::sampler::Sampler;
 use gs_train::sentence::one_sentence;
 
 /// Snippets that wait for the training at most, for each thread.
@@ -77,9 +77,9 @@ fn prepared_draws(cache: Arc<SnippetCache>, first: usize, every: usize) -> Resul
     let (sender, receiver) = sync_channel(AHEAD);
     let work = move || {
         let places = &cache.logs.train;
-        let mut order = Order::new(places.len(), cache.config.seed);
+        let mut order = Sampler::new(Purpose::Snippets, cache.config.seed, places.len());
         for draw in (first..).step_by(every) {
-            let place = places[order.at(draw)].clone();
+            let place = places[order.pick(draw + 1)].clone();
             let prepared = cache.drawn(&place, draw);
             if sender.send(Drawn { draw, place, prepared }).is_err() {
                 break;
@@ -89,31 +89,6 @@ fn prepared_draws(cache: Arc<SnippetCache>, first: usize, every: usize) -> Resul
     let started = thread::Builder::new().name("snippets".into()).spawn(work);
     started.map_err(|error| anyhow!("cannot start the thread that reads snippets: {error}"))?;
     Ok(receiver)
-}
-
-/// The snippet of each draw: each once an epoch, in an order of the epoch's own.
-#[derive(Debug)]
-struct Order {
-    seed: u64,
-    epoch: Option<usize>,
-    order: Vec<usize>,
-}
-
-impl Order {
-    fn new(count: usize, seed: u64) -> Self {
-        Self { seed, epoch: None, order: (0..count).collect() }
-    }
-
-    fn at(&mut self, draw: usize) -> usize {
-        let count = self.order.len();
-        let epoch = draw / count;
-        if self.epoch != Some(epoch) {
-            self.order = (0..count).collect();
-            self.order.shuffle(&mut stream(self.seed, Purpose::Snippets, epoch as u64));
-            self.epoch = Some(epoch);
-        }
-        self.order[draw % count]
-    }
 }
 
 /// Prepared snippets under a bound of bytes; the first to come stay.
@@ -170,24 +145,4 @@ impl SnippetCache {
 pub fn prepared(logs: &Logs, place: &Place, config: &FluxConfig) -> Result<HostSnippet, String> {
     let (log, name) = (&logs.logs[place.log], logs.name(place));
     prepare(log, &place.snippet, &name, &config.own.lift, config.seed).map_err(|error| one_sentence(&error))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_epoch_has_each_snippet_once() {
-        let mut order = Order::new(7, 3);
-        let first: Vec<usize> = (0..7).map(|draw| order.at(draw)).collect();
-        let second: Vec<usize> = (7..14).map(|draw| order.at(draw)).collect();
-        let sorted = |mut draws: Vec<usize>| {
-            draws.sort_unstable();
-            draws
-        };
-        assert_eq!(sorted(first.clone()), sorted(second.clone()));
-        assert_ne!(first, second);
-        // A resumed training draws the same.
-        assert_eq!(Order::new(7, 3).at(9), second[2]);
-    }
 }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use anyhow::{Result, anyhow};
 use burn::module::Module;
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use gs_driving::DrivingLog;
 use gs_models::flux4d::FluxScene;
 use gs_models::flux4d::activate_within;
@@ -13,7 +13,7 @@ use super::config::FluxConfig;
 use super::network::FluxNetwork;
 use super::prepare::HostSnippet;
 use super::sample::{Sample, Supervision, target};
-use gs_train::fit::parameters::to_host;
+use gs_train::fit::parameters::{from_host, to_host};
 
 /// A network as it is applied: on a device with autodiff, because the passes read gradients.
 #[derive(Debug, Clone)]
@@ -65,8 +65,7 @@ impl Inferred {
         for (row, own) in moving.zip(to_host(scene.velocity.val()).chunks_exact(columns)) {
             all[columns * *row as usize..columns * (*row as usize + 1)].copy_from_slice(own);
         }
-        let shape = self.velocity.dims();
-        self.velocity = Tensor::from_data(TensorData::new(all, shape), &self.velocity.device());
+        self.velocity = from_host(all, columns, &self.velocity.device());
     }
 }
 

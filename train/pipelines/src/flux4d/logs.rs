@@ -46,9 +46,9 @@ impl Logs {
     /// One sentence: no log, a log that cannot be read, a log without cameras or with too few frames, a name that no
     /// log has.
     pub fn open(path: &Path, config: &LogsConfig) -> Result<Self> {
-        let described = Described::open(path, config)?;
-        let division = described.divided(path, config)?;
-        Ok(Self::of(described, division))
+        let mut logs = Self::unseen(path, config)?;
+        (logs.train, logs.held_out, logs.split) = logs.divided(path, config)?;
+        Ok(logs)
     }
 
     /// As [`Self::open`], for measuring a network that was trained on the frames of `trained`. Logs of another data set
@@ -57,14 +57,16 @@ impl Logs {
     /// # Errors
     /// As [`Self::open`], but for names that no log of another data set has.
     pub fn open_to_measure(path: &Path, config: &LogsConfig, trained: &Fingerprint, is_asked: bool) -> Result<Self> {
-        let described = Described::open(path, config)?;
-        let division = match described.divided(path, config) {
-            Ok(division) if is_asked || fingerprint(&described.logs, &division.train) == *trained => division,
+        let mut logs = Self::unseen(path, config)?;
+        match logs.divided(path, config) {
+            Ok((train, held_out, split)) if is_asked || fingerprint(&logs.logs, &train) == *trained => {
+                (logs.train, logs.held_out, logs.split) = (train, held_out, split);
+            }
             Err(error) if is_asked => return Err(error),
             // A split of the training logs says nothing of others, also where they have the same names.
-            _ => described.all_held_out(config),
-        };
-        Ok(Self::of(described, division))
+            _ => (),
+        }
+        Ok(logs)
     }
 
     /// Describes logs of which none was trained on: all are held out, whatever split the configuration has.
@@ -72,14 +74,36 @@ impl Logs {
     /// # Errors
     /// As [`Self::open`], but for the split.
     pub fn unseen(path: &Path, config: &LogsConfig) -> Result<Self> {
-        let described = Described::open(path, config)?;
-        let division = described.all_held_out(config);
-        Ok(Self::of(described, division))
+        let logs: Vec<DrivingLog> = find(path)?.iter().map(|path| open(path, config)).collect::<Result<_>>()?;
+        let places_of = |(log, described): (usize, &DrivingLog)| -> Vec<Place> {
+            snippets(&times(described), config).into_iter().map(|snippet| Place { log, snippet }).collect()
+        };
+        let train: Vec<Place> = logs.iter().enumerate().flat_map(places_of).collect();
+        let held_out = by_log(&train).flat_map(|places| spread(places, config.validation_snippets)).collect();
+        Ok(Self { logs, train, held_out, split: "unseen" })
     }
 
-    fn of(described: Described, division: Division) -> Self {
-        let Division { train, held_out, split } = division;
-        Self { logs: described.logs, train, held_out, split }
+    /// The snippets of all logs as the configuration divides them: those that train, those that are measured, and the
+    /// name of the split.
+    fn divided(&self, path: &Path, config: &LogsConfig) -> Result<(Vec<Place>, Vec<Place>, &'static str)> {
+        let is_held_out = held_out(path, &self.logs, config)?;
+        let (mut train, mut validation) = (Vec::new(), Vec::new());
+        for (places, is_held_out) in by_log(&self.train).zip(is_held_out) {
+            match is_held_out {
+                true => validation.extend(spread(places, config.validation_snippets)),
+                false => train.extend_from_slice(places),
+            }
+        }
+        if train.is_empty() {
+            bail!(
+                "{}: expected a log to train on, found that all are held out (logs.validation, logs.split)",
+                path.display()
+            );
+        }
+        Ok(match validation.is_empty() {
+            true => (train.clone(), spread(&train, config.validation_snippets), "train"),
+            false => (train, validation, "validation"),
+        })
     }
 
     /// Says on stderr what was left out of the logs.
@@ -98,58 +122,9 @@ impl Logs {
     }
 }
 
-/// The logs at a path, and the snippets of each.
-struct Described {
-    logs: Vec<DrivingLog>,
-    places: Vec<Vec<Place>>,
-}
-
-/// The snippets that train and those that are measured; see [`Logs`].
-struct Division {
-    train: Vec<Place>,
-    held_out: Vec<Place>,
-    split: &'static str,
-}
-
-impl Described {
-    fn open(path: &Path, config: &LogsConfig) -> Result<Self> {
-        let logs: Vec<DrivingLog> = find(path)?.iter().map(|path| open(path, config)).collect::<Result<_>>()?;
-        let find_places = |(log, described): (usize, &DrivingLog)| -> Vec<Place> {
-            snippets(&times(described), config).into_iter().map(|snippet| Place { log, snippet }).collect()
-        };
-        let places = logs.iter().enumerate().map(find_places).collect();
-        Ok(Self { logs, places })
-    }
-
-    /// The division that the configuration asks for.
-    fn divided(&self, path: &Path, config: &LogsConfig) -> Result<Division> {
-        let is_held_out = held_out(path, &self.logs, config)?;
-        let (mut train, mut validation) = (Vec::new(), Vec::new());
-        for (places, is_held_out) in self.places.iter().zip(is_held_out) {
-            match is_held_out {
-                true => validation.extend(spread(places.clone(), config.validation_snippets)),
-                false => train.extend(places.iter().cloned()),
-            }
-        }
-        if train.is_empty() {
-            bail!(
-                "{}: expected a log to train on, found that all are held out (logs.validation, logs.split)",
-                path.display()
-            );
-        }
-        let (held_out, split) = match validation.is_empty() {
-            true => (spread(train.clone(), config.validation_snippets), "train"),
-            false => (validation, "validation"),
-        };
-        Ok(Division { train, held_out, split })
-    }
-
-    /// All held out.
-    fn all_held_out(&self, config: &LogsConfig) -> Division {
-        let spread = |places: &Vec<Place>| spread(places.clone(), config.validation_snippets);
-        let held_out = self.places.iter().flat_map(spread).collect();
-        Division { train: self.places.concat(), held_out, split: "unseen" }
-    }
+/// The places by log; every log has at least one.
+fn by_log(places: &[Place]) -> impl Iterator<Item = &[Place]> {
+    places.chunk_by(|a, b| a.log == b.log)
 }
 
 /// The fingerprint of the frames of `places`: names, times and poses.
@@ -226,11 +201,9 @@ pub fn snippets(times: &[f64], config: &LogsConfig) -> Vec<Snippet> {
 }
 
 /// `count` of the places, spread evenly; all with 0.
-fn spread(places: Vec<Place>, count: usize) -> Vec<Place> {
+fn spread(places: &[Place], count: usize) -> Vec<Place> {
     let all = places.len();
-    if count == 0 || count >= all {
-        return places;
-    }
+    let count = if count == 0 { all } else { count.min(all) };
     (0..count).map(|i| places[i * all / count].clone()).collect()
 }
 

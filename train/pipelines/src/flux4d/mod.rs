@@ -65,12 +65,13 @@ use config::FluxConfig;
 use evaluate::{Split, measure};
 use gs_train::config::{ConfigError, tables};
 use gs_train::fit::snapshot::Snapshot;
+use gs_train::fit::training::Training;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::scene::SceneFile;
 use gs_train::run::watch::{Ending, Job};
 use gs_train::sentence::one_sentence;
 use logs::Logs;
-use saved::{SavedNetwork, read_network, shipped_checkpoint};
+use saved::{SavedNetwork, read_network};
 
 /// The pipeline's name.
 pub const NAME: &str = "flux4d";
@@ -165,11 +166,11 @@ impl Networks for Flux4d {
     }
 
     fn alone(&self, checkpoint: &Checkpoint, device: &Device) -> Result<Snapshot> {
-        saved::network_alone(checkpoint, device)
-    }
-
-    fn shipped(&self) -> Result<Checkpoint> {
-        shipped_checkpoint()
+        // Counters without the state of the optimiser: a third of a checkpoint.
+        let SavedNetwork { network, step, .. } = read_network(checkpoint, device)?;
+        let mut training = Training::new(network);
+        training.step = step;
+        Ok(Snapshot::of_training(&training))
     }
 }
 

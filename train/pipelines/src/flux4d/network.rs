@@ -11,7 +11,7 @@
 //! and running statistics of other logs would not be its own. So the networks always run on a device with autodiff.
 
 use burn::module::Module;
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use gs_models::flux4d::channels::CHANNELS;
 use gs_models::flux4d::unet::{SparseUnet, SparseUnetConfig, VoxelPyramid};
 use gs_models::flux4d::{Network, Refinement};
@@ -19,6 +19,7 @@ use gs_models::mlp::{Mlp, MlpConfig};
 
 use super::config::{FarChoice, FluxConfig};
 use super::sample::{Sample, Start};
+use gs_train::fit::parameters::from_host;
 
 /// Factors of the 14 channels as the network reads them: positions over 25 m, scales, opacities and colours about 1.
 const INPUT: [f32; CHANNELS] = [0.04, 0.04, 0.04, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5];
@@ -109,7 +110,7 @@ impl Network for Bound<'_> {
         let apart = if self.is_apart { self.far } else { 0 };
         let near = rows - apart;
         let factors: Vec<f32> = INPUT.into_iter().chain(std::iter::repeat_n(1.0, columns - CHANNELS)).collect();
-        let features = (features * row(factors, &device)).clamp(-INPUT_MAX, INPUT_MAX);
+        let features = (features * from_host(factors, columns, &device)).clamp(-INPUT_MAX, INPUT_MAX);
         let features = Tensor::cat(vec![features, times - 0.5], 1).autodiff();
         let mut output = self.pass.unet.forward(features.clone().narrow(0, 0, near), self.pyramid);
         if apart > 0 {
@@ -120,7 +121,7 @@ impl Network for Bound<'_> {
             };
             output = Tensor::cat(vec![output, far], 0);
         }
-        let residual = output.clone().narrow(1, 0, CHANNELS) * row(OUTPUT.to_vec(), &device);
+        let residual = output.clone().narrow(1, 0, CHANNELS) * from_host(OUTPUT.to_vec(), OUTPUT.len(), &device);
         let velocity = (self.velocities > 0).then(|| output.narrow(1, CHANNELS, self.velocities));
         let velocity = velocity.map(|predicted| match self.start {
             // Rows with a network of their own have zeros already.
@@ -142,10 +143,4 @@ fn resting(velocity: Tensor<2>, far: usize) -> Tensor<2> {
         0 => rest,
         near => Tensor::cat(vec![velocity.narrow(0, 0, near), rest], 0),
     }
-}
-
-/// One row of numbers.
-fn row(values: Vec<f32>, device: &Device) -> Tensor<2> {
-    let columns = values.len();
-    Tensor::from_data(TensorData::new(values, [1, columns]), device)
 }

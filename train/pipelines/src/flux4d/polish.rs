@@ -7,7 +7,7 @@
 use std::time::Instant;
 
 use burn::module::{Module, Param};
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use gs_burn::NamedGradients;
 use gs_burn::adam::AdamRate;
 use gs_driving::DrivingLog;
@@ -21,6 +21,7 @@ use super::evaluate::color;
 use super::infer::Inferred;
 use super::prepare::HostSnippet;
 use super::sample::{Sample, camera, photo, target};
+use gs_train::fit::parameters::from_host;
 use gs_train::fit::random::{Purpose, stream};
 use gs_train::fit::schedule::exponential;
 use gs_train::fit::training::Training;
@@ -189,8 +190,8 @@ fn moves(sample: &Sample) -> Tensor<2> {
     }
     let rows = sample.lifted.raw.dims()[0];
     let near = rows - sample.lifted.far;
-    let column: Vec<f32> = (0..rows).map(|row| if row < near { 1.0 } else { 0.0 }).collect();
-    Tensor::from_data(TensorData::new(column, [rows, 1]), &sample.lifted.raw.device())
+    let column = (0..rows).map(|row| if row < near { 1.0 } else { 0.0 }).collect();
+    from_host(column, 1, &sample.lifted.raw.device())
 }
 
 /// Mean PSNR of the frames between the inputs, dB.

@@ -7,7 +7,6 @@ use anyhow::{Context, Result, anyhow, bail};
 use burn::tensor::Tensor;
 use gs_base::{counted, guarded, write_atomic};
 use gs_burn::{Gaussians, RenderOptions, render};
-use gs_datasets::image_io::encode_png;
 use gs_driving::{DrivingLog, Snippet, runs};
 use gs_models::DynamicScene;
 use gs_models::flux4d::FluxScene;
@@ -30,8 +29,8 @@ use super::summary::{Seconds, Summary, of_all};
 use super::world::in_world;
 use crate::Reconstruction;
 use gs_train::run::interrupt;
-use gs_train::run::metrics::psnr;
-use gs_train::run::outputs::{MARK, marked_png};
+use gs_train::run::metrics::{mean, psnr};
+use gs_train::run::outputs::{MARK, write_json, write_png};
 use gs_train::run::pixels::image_bytes;
 use gs_train::run::progress;
 use gs_train::run::results::Results;
@@ -53,6 +52,12 @@ struct Reconstructor<'a> {
     ready: Ready,
     log: DrivingLog,
     script: Option<EditScript>,
+    done: Done,
+}
+
+/// Sums over the snippets that are done.
+#[derive(Default)]
+struct Done {
     seconds: Seconds,
     labels: LabelScores,
     psnr: Vec<f64>,
@@ -82,23 +87,8 @@ pub fn reconstruct(saved: &SavedNetwork, request: &Reconstruction) -> Result<Vec
     progress::say(&format!("{}: {}; memory expected: {memory}", log.name(), counted(list.len(), "snippet")), false);
     let results = Results::begin(request.out, SUMMARY)?;
     let ready = Ready::new(&saved.network);
-    let mut reconstructor = Reconstructor {
-        request,
-        saved,
-        folder: results.folder(),
-        ready,
-        log,
-        script,
-        seconds: Seconds::default(),
-        labels: LabelScores::default(),
-        psnr: Vec::new(),
-        polished: Vec::new(),
-        degrees: Degrees::default(),
-        begin: None,
-        images: 0,
-        sizes: [0; 2],
-        actors: ActorList::default(),
-    };
+    let mut reconstructor =
+        Reconstructor { request, saved, folder: results.folder(), ready, log, script, done: Done::default() };
     let mut done = 0;
     while done < list.len() && !interrupt::asked() {
         reconstructor.snippet(&list, done)?;
@@ -150,20 +140,20 @@ impl Reconstructor<'_> {
         let name = format!("{}-{:03}", self.log.name(), snippet.frames[0]);
         let config = &self.saved.config;
         let host = prepare(&self.log, snippet, &name, &config.own.lift, config.seed)?;
-        self.seconds.read_and_lift += begun.elapsed().as_secs_f64();
+        self.done.seconds.read_and_lift += begun.elapsed().as_secs_f64();
         let mut inferred = infer(&self.ready, &host, &self.log, config, self.request.device)?;
-        self.seconds.maps += inferred.map_seconds;
-        self.seconds.passes += inferred.pass_seconds;
+        self.done.seconds.maps += inferred.map_seconds;
+        self.done.seconds.passes += inferred.pass_seconds;
         let polished = polish(&mut inferred, &host, &self.log, config, self.request.polish, self.request.device);
-        self.seconds.polish += polished.map_or(0.0, |polished| polished.seconds);
-        self.polished.extend(polished);
+        self.done.seconds.polish += polished.map_or(0.0, |polished| polished.seconds);
+        self.done.polished.extend(polished);
         let rest = self.request.rest_speed.unwrap_or(REST_SPEED);
         let mut scene = inferred.scene(&host, rest)?;
         let begun = Instant::now();
         let actors = self.actors_of(&mut scene, &host)?;
         inferred.follow(&scene);
-        self.seconds.actors += begun.elapsed().as_secs_f64();
-        self.labels.add(&self.log, &host, &inferred, &scene, &actors)?;
+        self.done.seconds.actors += begun.elapsed().as_secs_f64();
+        self.done.labels.add(&self.log, &host, &inferred, &scene, &actors)?;
         let (edited, rows) = match &self.script {
             Some(script) => {
                 let edited = apply_edits(&scene, &actors, script)?;
@@ -171,8 +161,8 @@ impl Reconstructor<'_> {
             }
             None => (scene, actors.iter().map(|actor| actor.rows.clone()).collect()),
         };
-        self.sizes[0] = self.sizes[0].max(edited.gaussians.len());
-        self.sizes[1] = self.sizes[1].max(edited.moving());
+        self.done.sizes[0] = self.done.sizes[0].max(edited.gaussians.len());
+        self.done.sizes[1] = self.done.sizes[1].max(edited.moving());
         self.images(&edited, &host, |frame| owner(all, frame) == number)?;
         self.novel_times(&edited, &host, all, number)?;
         let ply = self.folder.join(format!("{name}.ply"));
@@ -180,7 +170,7 @@ impl Reconstructor<'_> {
         let page = (self.request.page)(&edited, &snippet_page::presentation(&host, &self.log));
         write_atomic(&ply.with_extension("html"), page.as_bytes())?;
         let world = glam::DMat4::from_translation(self.log.origin()) * host.to_world;
-        self.actors.add(&name, actors, &world, self.log.frames()[0].time);
+        self.done.actors.add(&name, actors, &world, self.log.frames()[0].time);
         Ok(())
     }
 
@@ -205,7 +195,7 @@ impl Reconstructor<'_> {
         let times: Vec<f64> = (0..=10).map(|i| begin + 0.1 * f64::from(i) * (end - begin)).collect();
         let rows = clustered(scene, host.middle(), &self.saved.config.own.actors.config())?;
         let (degrees, told) = choose_degrees(scene, &rows, &self.log, host)?;
-        self.degrees.add(&told);
+        self.done.degrees.add(&told);
         let mut actors = described(scene, rows, host.middle(), &times);
         actors.iter_mut().zip(degrees).for_each(|(actor, degree)| actor.degree = degree);
         Ok(actors)
@@ -219,7 +209,7 @@ impl Reconstructor<'_> {
             for view in views.iter().filter(|view| is_own(view.frame)) {
                 let image = self.render(scene, view, view.seconds)?;
                 if kind == "target" && is_plain {
-                    self.psnr.push(psnr(image.clone(), photo(view, self.request.device)));
+                    self.done.psnr.push(psnr(image.clone(), photo(view, self.request.device)));
                 }
                 let path = self.folder.join(kind).join(format!("{}.png", view.name));
                 self.write(&path, view, &image_bytes(image))?;
@@ -232,10 +222,10 @@ impl Reconstructor<'_> {
     /// nearest input.
     fn novel_times(&mut self, scene: &FluxScene, host: &HostSnippet, all: &[Snippet], number: usize) -> Result<()> {
         let frames = times(&self.log);
-        if self.begin.is_none() {
+        if self.done.begin.is_none() {
             self.warn_outside(host.window[0], &frames, all);
         }
-        let begin = *self.begin.get_or_insert(host.window[0]);
+        let begin = *self.done.begin.get_or_insert(host.window[0]);
         for time in self.request.times {
             let seconds = begin + time;
             if owner_of_time(all, &frames, seconds) != number {
@@ -271,39 +261,37 @@ impl Reconstructor<'_> {
         let camera = camera(&self.log, &moved, self.request.device);
         let options = RenderOptions { sh_degree: 0, ..RenderOptions::default() };
         let image = render(&scene.at(seconds), &camera, &options).color.clamp(0.0, 1.0);
-        self.seconds.render += begun.elapsed().as_secs_f64();
+        self.done.seconds.render += begun.elapsed().as_secs_f64();
         Ok(image)
     }
 
     fn write(&mut self, path: &Path, view: &HostView, pixels: &[u8]) -> Result<()> {
-        let png = encode_png(path, view.image.width, view.image.height, pixels)?;
-        write_atomic(path, &marked_png(&png))?;
-        self.images += 1;
+        write_png(path, [view.image.width, view.image.height], pixels)?;
+        self.done.images += 1;
         Ok(())
     }
 
     /// Writes actors and figures; `snippets` are those done and those asked for.
     fn finish(self, [snippets, snippets_asked]: [usize; 2]) -> Result<Summary> {
-        self.actors.write(&self.folder.join("actors.json"))?;
-        let psnr_targets = (!self.psnr.is_empty()).then(|| self.psnr.iter().sum::<f64>() / self.psnr.len() as f64);
+        self.done.actors.write(&self.folder.join("actors.json"))?;
+        let psnr_targets = mean(&self.done.psnr);
         let summary = Summary {
             program: MARK,
             log: self.log.name().to_string(),
             snippets,
             snippets_asked,
-            gaussians: self.sizes[0],
-            moving_gaussians: self.sizes[1],
-            actors: self.actors.count(),
-            images: self.images,
+            gaussians: self.done.sizes[0],
+            moving_gaussians: self.done.sizes[1],
+            actors: self.done.actors.count(),
+            images: self.done.images,
             psnr_targets,
-            seconds: self.seconds,
-            polish: of_all(&self.polished),
-            degrees: self.degrees,
-            flow: self.labels.figures(),
-            tables: self.labels.table().into_iter().collect(),
+            seconds: self.done.seconds,
+            polish: of_all(&self.done.polished),
+            degrees: self.done.degrees,
+            flow: self.done.labels.figures(),
+            tables: self.done.labels.table().into_iter().collect(),
         };
-        let text = serde_json::to_string_pretty(&summary).expect("figures are JSON") + "\n";
-        write_atomic(&self.folder.join(SUMMARY), text.as_bytes())?;
+        write_json(&self.folder.join(SUMMARY), &summary)?;
         Ok(summary)
     }
 }

@@ -12,6 +12,8 @@ use super::config::{FarChoice, FluxConfig};
 
 use super::host_view::HostView;
 use super::prepare::HostSnippet;
+use gs_train::fit::parameters::from_host;
+use gs_train::fit::photos::image_tensor;
 
 /// Levels of the voxel pyramid: those of SparseResUNet42.
 const LEVELS: usize = 5;
@@ -47,10 +49,7 @@ impl Start {
         // Far rows rest.
         velocity.resize(rows * motion.columns(), 0.0);
         moves.resize(rows, 0.0);
-        Self {
-            velocity: Tensor::from_data(TensorData::new(velocity, [rows, motion.columns()]), device),
-            moves: Tensor::from_data(TensorData::new(moves, [rows, 1]), device),
-        }
+        Self { velocity: from_host(velocity, motion.columns(), device), moves: from_host(moves, 1, device) }
     }
 }
 
@@ -96,8 +95,7 @@ pub fn camera(log: &DrivingLog, view: &HostView, device: &Device) -> Camera {
 
 /// The image of a view, `[H, W, 3]`, 0 to 1.
 pub fn photo(view: &HostView, device: &Device) -> Tensor<3> {
-    let floats: Vec<f32> = view.image.data.iter().map(|byte| f32::from(*byte) / 255.0).collect();
-    Tensor::from_data(TensorData::new(floats, [view.image.height, view.image.width, 3]), device)
+    image_tensor(&view.image.data, [view.image.height, view.image.width, 3], device)
 }
 
 /// A view on the device.

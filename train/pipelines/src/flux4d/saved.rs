@@ -9,7 +9,7 @@ use super::NAME;
 use super::config::FluxConfig;
 use super::network::FluxNetwork;
 use gs_train::config::tables;
-use gs_train::fit::snapshot::{Counters, Snapshot, Source, learned, read_module, read_training};
+use gs_train::fit::snapshot::{Counters, Source, learned, read_module, read_training};
 use gs_train::fit::training::Training;
 use gs_train::run::checkpoint::Checkpoint;
 
@@ -19,17 +19,6 @@ use gs_train::run::checkpoint::Checkpoint;
 /// When its file does not fit this version.
 pub fn shipped_checkpoint() -> Result<Checkpoint> {
     Ok(Checkpoint::parse(Path::new("flux4d/streets"), gs_recipes::STREETS.to_vec())?)
-}
-
-/// A network with its counters and without the state of its optimiser: a third of a checkpoint.
-///
-/// # Errors
-/// A sentence when the checkpoint is of another pipeline or damaged.
-pub fn network_alone(checkpoint: &Checkpoint, device: &Device) -> Result<Snapshot> {
-    let SavedNetwork { network, step, .. } = read_network(checkpoint, device)?;
-    let mut training = Training::new(network);
-    training.step = step;
-    Ok(Snapshot::of_training(&training))
 }
 
 /// A network with its configuration and the steps it was trained.

@@ -8,7 +8,7 @@ use anyhow::{Result, bail};
 use burn::tensor::Device;
 use glam::DMat4;
 use gs_base::npy::write_npy;
-use gs_base::{agree, counted, printable, write_atomic};
+use gs_base::{agree, counted, printable};
 use gs_driving::{DrivingLog, FLOW_INTERVAL, LogOptions, Sweep, gaps, runs};
 use gs_models::flux4d::fast_nsf::{FastNsfConfig, fit_flow};
 use serde::Serialize;
@@ -17,7 +17,7 @@ use super::flow::{FlowOfSweep, FlowScores};
 use super::start::aligned;
 use gs_train::fit::figure::{Figure, FigureTable};
 use gs_train::run::interrupt;
-use gs_train::run::outputs::MARK;
+use gs_train::run::outputs::{MARK, write_json};
 use gs_train::run::results::Results;
 
 /// The file with all figures.
@@ -122,8 +122,7 @@ pub fn sweep_flow(request: &SweepFlow) -> Result<Vec<String>> {
         tables: scores.table().into_iter().collect(),
     };
     if let Some(results) = results {
-        let text = serde_json::to_string_pretty(&summary).expect("figures are JSON") + "\n";
-        write_atomic(&results.folder().join(SUMMARY), text.as_bytes())?;
+        write_json(&results.folder().join(SUMMARY), &summary)?;
         results.finish()?;
     }
     Ok(lines(&summary, request.out))

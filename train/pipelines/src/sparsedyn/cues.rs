@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use gs_base::median;
 use gs_datasets::{DepthSpace, Scene, View};
 use gs_models::sparsedyn::Curriculum;
 use gs_models::sparsedyn::rollout::STEPS_MAX;
@@ -93,9 +94,7 @@ impl Cues {
 
 /// The median time between frames at `times`, ascending; 1 for a single frame.
 fn interval(times: &[f64]) -> f64 {
-    let mut gaps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    gaps.sort_by(f64::total_cmp);
-    gaps.get(gaps.len() / 2).copied().unwrap_or(1.0)
+    median(times.windows(2).map(|pair| pair[1] - pair[0]).collect()).unwrap_or(1.0)
 }
 
 /// Checks that a rollout from the first frame reaches the time of every photo, of training and held-out views, in fewer

@@ -1,6 +1,7 @@
 //! Evidence of motion: the pixels of a static camera that change over time, and the Gaussians that lie on them.
 
 use glam::{DMat4, DVec2, DVec3};
+use gs_base::median;
 use gs_datasets::View;
 
 /// Pixels by which a changing region is grown: the footprint of a Gaussian at its border.
@@ -123,9 +124,7 @@ impl CameraEvidence {
 /// The root mean square distance of the changing pixels from their middle, at the depth of `centre`, scene units: the
 /// median over the cameras; 0 without evidence.
 pub fn swept(evidence: &[CameraEvidence], centre: DVec3) -> f64 {
-    let mut sizes: Vec<f64> = evidence.iter().filter_map(|camera| camera.swept(centre)).collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
+    median(evidence.iter().filter_map(|camera| camera.swept(centre)).collect()).unwrap_or(0.0)
 }
 
 /// The rows of `means` that may move, ascending: those at which at least half of the cameras that show them see a

@@ -3,6 +3,7 @@
 use anyhow::Result as Outcome;
 use burn::tensor::Device;
 use glam::DVec3;
+use gs_base::mean;
 use gs_burn::Gaussians;
 use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
@@ -16,7 +17,6 @@ use super::cues::frames;
 use super::poses::pixel_size;
 use super::scene::RolledScene;
 use super::{Config, Sparsedyn};
-use crate::Future;
 use crate::fit::read_model;
 use gs_train::fit::extrapolation::{Extrapolation, Part};
 use gs_train::fit::parameters::{indices, to_host};
@@ -41,14 +41,13 @@ const LARGEST_CHANGE: f64 = 30.0;
 /// The stream of random numbers with which the field's scale is found; members have the streams below it.
 const CALIBRATION: u64 = 1 << 32;
 
-/// The future of scenes of this pipeline.
-pub struct RolledFutures;
-
-impl Future for RolledFutures {
-    fn extrapolate(&self, checkpoint: &Checkpoint, photos: &Scene, device: &Device) -> Outcome<Box<dyn Extrapolation>> {
-        let (model, config, _) = read_model::<Sparsedyn>(checkpoint, device)?;
-        Ok(Box::new(RolledFuture::new(&model.method, &model.gaussians, &photos.train, &config)))
-    }
+/// The future of a scene of this pipeline; see [`Extrapolate`](crate::Extrapolate).
+///
+/// # Errors
+/// A sentence when the checkpoint is damaged.
+pub fn extrapolate(checkpoint: &Checkpoint, photos: &Scene, device: &Device) -> Outcome<Box<dyn Extrapolation>> {
+    let (model, config, _) = read_model::<Sparsedyn>(checkpoint, device)?;
+    Ok(Box::new(RolledFuture::new(&model.method, &model.gaussians, &photos.train, &config)))
 }
 
 /// The future of a scene.
@@ -70,7 +69,7 @@ impl RolledFuture {
     /// The future of `gaussians`, whose dynamics were learned from `views`.
     pub fn new(method: &Sparsedyn, gaussians: &Gaussians, views: &[View], config: &Config) -> Self {
         let bodies = &config.method.bodies;
-        let middle = middle(&method.first_places(gaussians));
+        let middle = mean(&method.first_places(gaussians)).unwrap_or(DVec3::ZERO);
         Self {
             scene: RolledScene { gaussians: gaussians.clone(), method: method.clone() },
             seen: frames(views).0.into_iter().map(|time| method.frame.clock.inner(time)).collect(),
@@ -268,8 +267,4 @@ fn named(term: Term) -> String {
         Term::Pivot => "pivot_from_centre",
     }
     .into()
-}
-
-fn middle(positions: &[DVec3]) -> DVec3 {
-    positions.iter().sum::<DVec3>() / positions.len().max(1) as f64
 }

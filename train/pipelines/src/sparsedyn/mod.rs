@@ -15,7 +15,6 @@
 //! | beyond the paper: parts, an ensemble and other steps for the future | [`future`] |
 
 pub mod begin;
-pub mod bench;
 pub mod clock;
 pub mod config;
 pub mod count;

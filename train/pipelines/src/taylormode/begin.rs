@@ -4,6 +4,7 @@
 use burn::module::Param;
 use burn::tensor::Device;
 use glam::{DVec3, Vec3};
+use gs_base::mean;
 use gs_datasets::Scene;
 use gs_models::taylormode::order::has_pattern;
 use gs_models::taylormode::{MotionFrame, RemainderFrame};
@@ -121,7 +122,7 @@ fn leaves_a_pattern(track: &Track, pixels_per_unit: f64) -> bool {
 /// Centre and root mean square extent of the moving Gaussians.
 pub fn remainder_frame(rows: &[u32], means: &[[f32; 3]], order: usize) -> RemainderFrame {
     let positions = positions(rows, means);
-    let centre = middle(&positions);
+    let centre = mean(&positions).unwrap_or(DVec3::ZERO);
     RemainderFrame { centre: centre.to_array(), scale: spread(&positions, centre), order }
 }
 
@@ -136,7 +137,7 @@ fn object_frames(tracks: &[Track], frame: &MotionFrame, means: &[[f32; 3]]) -> V
     let filled = parts.into_iter().zip(tracks).filter(|(part, _)| !part.is_empty());
     let alone = tracks.len() == 1;
     let objects = filled.map(|(part, track)| {
-        let centre = if alone { middle(&part) } else { track.path.position(t0) };
+        let centre = if alone { mean(&part).unwrap_or(DVec3::ZERO) } else { track.path.position(t0) };
         (centre.to_array(), spread(&part, centre))
     });
     objects.collect()
@@ -148,7 +149,7 @@ fn body_frames(frame: &MotionFrame, means: &[[f32; 3]]) -> Vec<([f64; 3], f64)> 
     let bodies = bodies(&moving).into_iter().map(|body| {
         let rows: Vec<u32> = body.into_iter().map(|index| frame.rows[index]).collect();
         let own = positions(&rows, means);
-        let centre = middle(&own);
+        let centre = mean(&own).unwrap_or(DVec3::ZERO);
         (centre.to_array(), spread(&own, centre))
     });
     bodies.collect()
@@ -157,10 +158,6 @@ fn body_frames(frame: &MotionFrame, means: &[[f32; 3]]) -> Vec<([f64; 3], f64)> 
 /// The positions of the moving Gaussians at `t0`.
 fn positions(rows: &[u32], means: &[[f32; 3]]) -> Vec<DVec3> {
     rows.iter().map(|row| Vec3::from(means[*row as usize]).as_dvec3()).collect()
-}
-
-fn middle(positions: &[DVec3]) -> DVec3 {
-    positions.iter().sum::<DVec3>() / positions.len().max(1) as f64
 }
 
 fn spread(positions: &[DVec3], centre: DVec3) -> f64 {

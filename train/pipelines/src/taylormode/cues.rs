@@ -1,6 +1,7 @@
 //! Cues about motion, inferred from the photos before training: masks, the paths of moving objects' centres, the
 //! recording's middle and length, the exposure.
 
+use gs_base::median;
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::{TaylorMotion, TimeWindow};
 use gs_multiview::{self as multiview, Centre, ImageScale, MaskOptions, MaskOrigin, MovingMasks, Track};
@@ -197,7 +198,5 @@ pub fn first_exposure(scene: &Scene, config: &Config) -> (f64, Option<String>) {
 /// The exposure as the data set states it, in its unit of time. One exposure is learned for all views; if they differ,
 /// it is compared with the median.
 pub fn stated_exposure(views: &[View]) -> Option<f64> {
-    let mut said: Vec<f64> = views.iter().filter_map(|view| view.exposure).filter(|e| *e > 0.0).collect();
-    said.sort_by(f64::total_cmp);
-    said.get(said.len() / 2).copied()
+    median(views.iter().filter_map(|view| view.exposure).filter(|e| *e > 0.0).collect())
 }

@@ -20,7 +20,10 @@ impl Opening {
     /// The order of `views` that opens around `middle` over the first `steps` steps, then uses every view once an
     /// epoch.
     pub fn new(views: &[View], middle: f64, steps: usize, seed: u64) -> Self {
-        Self { curriculum: Curriculum::new(views, middle, steps, seed), sampler: Sampler::new(seed, views.len()) }
+        Self {
+            curriculum: Curriculum::new(views, middle, steps, seed),
+            sampler: Sampler::new(Purpose::Views, seed, views.len()),
+        }
     }
 }
 

@@ -17,9 +17,9 @@ use super::update::learns_exposure;
 use super::{Config, Step, Taylormode};
 use gs_train::fit::figure::{Better, Figure, FigureTable, Figures};
 use gs_train::fit::parameters::to_host;
-use gs_train::fit::photos::{camera, to_tensor};
+use gs_train::fit::photos::{camera, mask_of, to_tensor};
 use gs_train::run::memory::megabytes;
-use gs_train::run::metrics::{psnr, psnr_masked};
+use gs_train::run::metrics::psnr_counted;
 
 /// Samples of a measured blur, independent of training: enough that more change nothing visible up to about sixty
 /// pixels of motion.
@@ -32,16 +32,14 @@ const ALPHA_SEEN: f32 = 0.5;
 const SPEED_SHARE: f64 = 0.05;
 
 /// The cost of a scene, compared with the same Gaussians at one fixed order.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct MotionCost {
+    /// Gaussians by order of their path, and all numbers of the scene.
+    pub summary: Summary,
     /// Gaussians that move.
     pub moving: usize,
-    /// Share of static Gaussians, 0 to 1.
-    pub static_share: f64,
     /// Mean order of the paths of moving Gaussians.
     pub mean_order: f64,
-    /// Gaussians by order of their path, from 0 on.
-    pub orders: Vec<usize>,
     /// Moving Gaussians by order of their rotation, from 0 on.
     pub rotation_orders: Vec<usize>,
     /// Kinks in every path.
@@ -54,14 +52,6 @@ pub struct MotionCost {
     pub fixed_motion_parameters: usize,
     /// Gaussians by the degree of their view-dependent colour, from 0 on.
     pub sh_degrees: Vec<usize>,
-    /// All numbers of the scene.
-    pub parameters: usize,
-    /// All numbers with fixed orders for every Gaussian.
-    pub fixed_parameters: usize,
-    /// Bytes of `parameters` as f32, with a row number for each moving Gaussian.
-    pub bytes: usize,
-    /// Bytes of `fixed_parameters` as f32, without row numbers because all move.
-    pub fixed_bytes: usize,
     /// The fixed order of paths, `motion.order`.
     pub fixed_order: usize,
 }
@@ -138,10 +128,7 @@ impl Moving<'_> {
         let blurry = view.truth.blurry.as_ref()?;
         let truth = to_tensor(view, &blurry.data, 3, &self.gaussians.device());
         let formed = form_blur(self.model, self.gaussians, view, self.at);
-        Some(match &view.mask {
-            None => psnr(formed, truth),
-            Some(mask) => psnr_masked(formed, truth.clone(), to_tensor(view, mask, 1, &truth.device())),
-        })
+        Some(psnr_counted(formed, truth, mask_of(view, &self.gaussians.device())))
     }
 
     /// The world velocities that form the blur, at each pixel, `[H * W * 3]`, and the pixels' alpha, `[H * W]`.
@@ -224,22 +211,16 @@ pub fn cost(model: &Taylormode, gaussians: &Gaussians, config: &Config) -> Motio
         rotation: choice.rotation_order,
     };
     let blocks: usize = size.position_orders.iter().chain(&size.rotation_orders).sum();
-    let summary = Summary::new(&size, &fixed);
     MotionCost {
+        summary: Summary::new(&size, &fixed),
         moving: motion.rows.len(),
-        static_share: summary.static_share,
         mean_order: size.position_orders.iter().sum::<usize>() as f64 / motion.rows.len().max(1) as f64,
-        orders: summary.histogram,
         rotation_orders: histogram(&size.rotation_orders),
         kinks: motion.contacts().len(),
         remainder: motion.remainder.is_some(),
         motion_parameters: 3 * blocks + size.network,
         fixed_motion_parameters: 3 * size.gaussians * (fixed.position + fixed.rotation),
         sh_degrees: degrees,
-        parameters: summary.parameters,
-        fixed_parameters: summary.fixed_order_parameters,
-        bytes: summary.bytes,
-        fixed_bytes: 4 * summary.fixed_order_parameters,
         fixed_order: fixed.position,
     }
 }
@@ -247,7 +228,7 @@ pub fn cost(model: &Taylormode, gaussians: &Gaussians, config: &Config) -> Motio
 impl MotionCost {
     fn figures(&self) -> Vec<Figure> {
         let count = |key: &str, name: &str, value: usize| Figure::new(key, name, value as f64, "");
-        let static_share = 100.0 * self.static_share;
+        let static_share = 100.0 * self.summary.static_share;
         let mean_order = format!("{static_share:.0} % static, mean order {:.2}", self.mean_order);
         vec![
             count("moving_gaussians", "moving Gaussians", self.moving).note(mean_order).headline(),
@@ -257,15 +238,16 @@ impl MotionCost {
             count("remainder", "3D remainder", usize::from(self.remainder)),
             count("motion_numbers", "numbers of motion", self.motion_parameters).better(Better::Lower).column(),
             count("fixed_motion_numbers", "numbers of motion at one order", self.fixed_motion_parameters),
-            count("numbers", "numbers", self.parameters).better(Better::Lower),
-            count("fixed_numbers", "numbers at one order and degree", self.fixed_parameters),
+            count("numbers", "numbers", self.summary.parameters).better(Better::Lower),
+            count("fixed_numbers", "numbers at one order and degree", self.summary.fixed_order_parameters),
         ]
     }
 
     /// A table of the scene's numbers, compared with the same Gaussians at one order and degree.
     fn table(&self, gaussians: usize) -> FigureTable {
         let all = gaussians.max(1) as f64;
-        let moving: usize = self.orders.iter().enumerate().map(|(order, count)| order * count).sum();
+        let Summary { histogram: orders, parameters, bytes, fixed_order_parameters: fixed, .. } = &self.summary;
+        let moving: usize = orders.iter().enumerate().map(|(order, count)| order * count).sum();
         let counts = |of: &[usize]| of.iter().map(usize::to_string).collect::<Vec<_>>().join(" · ");
         let mut fixed_orders = vec![0; self.fixed_order + 1];
         fixed_orders[self.fixed_order] = gaussians;
@@ -274,12 +256,12 @@ impl MotionCost {
         let remainder = if self.remainder { "yes" } else { "no" };
         let rows = [
             ("Gaussians", gaussians.to_string(), gaussians.to_string()),
-            ("numbers", self.parameters.to_string(), self.fixed_parameters.to_string()),
+            ("numbers", parameters.to_string(), fixed.to_string()),
             ("of them motion", self.motion_parameters.to_string(), self.fixed_motion_parameters.to_string()),
-            ("bytes", megabytes(self.bytes as u64), megabytes(self.fixed_bytes as u64)),
-            ("share static", format!("{:.1} %", 100.0 * self.static_share), "0 %".into()),
+            ("bytes", megabytes(*bytes as u64), megabytes(4 * *fixed as u64)),
+            ("share static", format!("{:.1} %", 100.0 * self.summary.static_share), "0 %".into()),
             ("mean order of motion, over all", format!("{:.2}", moving as f64 / all), self.fixed_order.to_string()),
-            ("Gaussians of order 0 · 1 · 2 · ...", counts(&self.orders), counts(&fixed_orders)),
+            ("Gaussians of order 0 · 1 · 2 · ...", counts(orders), counts(&fixed_orders)),
             ("moving Gaussians of rotation order 0 · 1 · ...", counts(&self.rotation_orders), String::new()),
             ("kinks in each path; remainder", format!("{}; {remainder}", self.kinks), String::new()),
             ("Gaussians of SH degree 0 · 1 · ...", counts(&self.sh_degrees), counts(&fixed_degrees)),

@@ -18,7 +18,7 @@ use super::select::{Selected, Selection, select, view_scales};
 use super::update::follow_moments;
 use super::{Step, Taylormode};
 use gs_train::fit::parameters::to_host;
-use gs_train::fit::photos::{camera, to_tensor};
+use gs_train::fit::photos::{camera, mask_of, to_tensor};
 
 /// Photos that judge a proposal, spread evenly over the training views: enough that no single one decides.
 const PHOTOS: usize = 6;
@@ -123,10 +123,7 @@ impl Candidate<'_> {
 /// explained better than moving ones.
 fn compared(view: &View, simpler: Tensor<3>, present: Tensor<3>, device: &Device) -> [f64; 3] {
     let differs = (simpler.clone() - present.clone()).abs().max_dim(2).greater_elem(NOTICED).float();
-    let counts = match &view.mask {
-        None => differs,
-        Some(mask) => differs * to_tensor(view, mask, 1, device),
-    };
+    let counts = mask_of(view, device).into_iter().fold(differs, |differs, mask| differs * mask);
     let photo = to_tensor(view, &view.image.data, 3, device);
     let sum = |tensor: Tensor<3>| f64::from(tensor.sum().into_scalar::<f32>());
     let misses = |image: Tensor<3>| sum((image - photo.clone()).square() * counts.clone());

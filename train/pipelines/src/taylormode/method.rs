@@ -141,7 +141,7 @@ impl Saved for Taylormode {
     }
 
     fn bytes(&self, gaussians: &Gaussians, config: &Config) -> usize {
-        figures::cost(self, gaussians, config).bytes
+        figures::cost(self, gaussians, config).summary.bytes
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::ValueHint;
 
-use super::render::finite;
+use super::render::{finite, number};
 
 const EXPORT_EXAMPLES: &str = "\
 Examples:
@@ -114,8 +114,5 @@ fn axis(text: &str) -> Result<Up, String> {
 }
 
 fn megabytes(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
-        _ => Err("expected a size above 0, in megabytes".into()),
-    }
+    number(text, |x| x > 0.0, "expected a size above 0, in megabytes")
 }

@@ -6,7 +6,7 @@ use clap::Args;
 use clap::builder::ValueHint;
 
 use crate::cli::DeviceArgs;
-use crate::cli::render::finite;
+use crate::cli::render::{finite, number};
 use crate::report::future::spread::FEWEST;
 
 /// Most members of an ensemble: each is integrated over all times, and the spread of a thousand is known to 3 %.
@@ -101,8 +101,5 @@ fn members(text: &str) -> Result<u32, String> {
 
 /// A finite number above 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
-        _ => Err("expected a number above 0".into()),
-    }
+    number(text, |x| x > 0.0, "expected a number above 0")
 }

@@ -7,7 +7,7 @@ use clap::builder::ValueHint;
 use gs_driving::RANGE_MAX;
 
 use crate::cli::DeviceArgs;
-use crate::cli::render::finite;
+use crate::cli::render::{finite, number};
 use gs_pipelines::examples;
 
 /// Arguments of `reconstruct`.
@@ -79,12 +79,11 @@ pub struct Shift(pub [f64; 3]);
 const SECONDS_MAX: f64 = 3600.0;
 
 fn seconds(text: &str) -> Result<f64, String> {
-    let expected = || format!("expected seconds from -{SECONDS_MAX} to {SECONDS_MAX}");
-    finite(text).ok().filter(|x| x.abs() <= SECONDS_MAX).ok_or_else(expected)
+    number(text, |x| x.abs() <= SECONDS_MAX, &format!("expected seconds from -{SECONDS_MAX} to {SECONDS_MAX}"))
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {
-    finite(text).ok().filter(|x| *x >= 0.0).ok_or_else(|| "expected a number of at least 0".to_string())
+    number(text, |x| x >= 0.0, "expected a number of at least 0")
 }
 
 fn shift(text: &str) -> Result<Shift, String> {

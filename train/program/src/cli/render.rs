@@ -118,8 +118,10 @@ impl RenderArgs {
 
 /// A finite number.
 pub(super) fn finite(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number.is_finite() => Ok(number),
-        _ => Err("expected a finite number".into()),
-    }
+    number(text, |_| true, "expected a finite number")
+}
+
+/// A finite number that `holds`, or the sentence `expected`.
+pub(super) fn number(text: &str, holds: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|x: &f64| x.is_finite() && holds(*x)).ok_or_else(|| expected.into())
 }

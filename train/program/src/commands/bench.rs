@@ -1,7 +1,5 @@
 //! `gsburn bench`: every operation and one whole step, on a synthetic scene.
 
-mod launches;
-
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -17,7 +15,7 @@ use rand::Rng;
 
 use crate::cli::BenchArgs;
 use crate::commands::{describe, device, print};
-use gs_pipelines::bench::{BENCH_STEPS, rollout_table};
+use gs_pipelines::bench::BENCH_STEPS;
 use gs_train::config::LossConfig;
 use gs_train::fit::losses::{photometric, regularised};
 use gs_train::fit::parameters::{from_host, gaussians as gaussians_of};
@@ -44,24 +42,11 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
     if !(1..=GAUSSIANS_MAX).contains(&args.gaussians) {
         bail!("--gaussians: expected 1 to {GAUSSIANS_MAX}, found {}", args.gaussians);
     }
-    if args.launches {
-        return launches::run(args);
-    }
     let device = device(&args.device)?;
     let (width, height) = (args.width as usize, args.height as usize);
     let degree = usize::from(args.sh_degree);
     let gaussians = scene(args, &device);
     let camera = camera(args, &device);
-    if args.rollout {
-        print(format!(
-            "{} Gaussians, {width}x{height}, {}, {} threads",
-            args.gaussians,
-            describe(&device),
-            rayon::current_num_threads()
-        ));
-        rollout_table(&gaussians, &camera, args.repeat, print);
-        return Ok(ExitCode::SUCCESS);
-    }
     let k = camera.intrinsics;
     let options = RenderOptions::default();
     let rendering = render(&gaussians, &camera, &options);
@@ -131,7 +116,7 @@ pub fn run(args: &BenchArgs) -> Result<ExitCode> {
 }
 
 /// The camera of the benchmark.
-fn camera(args: &BenchArgs, device: &Device) -> Camera {
+pub fn camera(args: &BenchArgs, device: &Device) -> Camera {
     let (width, height) = (args.width as usize, args.height as usize);
     let k = Intrinsics { fx: width as f64, fy: width as f64, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
     Camera::from_c2w(glam::DMat4::IDENTITY, k, width, height, device)
@@ -139,7 +124,7 @@ fn camera(args: &BenchArgs, device: &Device) -> Camera {
 
 /// Gaussians spread evenly over the image and over depth, with opacities and shapes as varied as those of a trained
 /// scene.
-fn scene(args: &BenchArgs, device: &Device) -> Gaussians {
+pub fn scene(args: &BenchArgs, device: &Device) -> Gaussians {
     let n = args.gaussians;
     let mut rng = stream(0, Purpose::Bench, 0);
     let aspect = args.height as f32 / args.width as f32;

@@ -12,9 +12,9 @@ use gs_worlds::driving::{StreetOptions, write as street_log};
 
 use crate::cli::DemoArgs;
 use crate::commands::synth::with_bar;
-use crate::commands::train::{execute, next_folder};
+use crate::commands::train::{execute, job, next_folder};
 use crate::commands::{device, print};
-use crate::report::{schedule_svg, viewer};
+use crate::report::viewer;
 use gs_pipelines::{DEMO_RECIPES, Reconstruction, Sources, networks_of, resolve, shipped};
 use gs_train::run::folder::RunFolder;
 use gs_train::run::watch::Job;
@@ -48,21 +48,7 @@ pub fn run(args: &DemoArgs) -> Result<ExitCode> {
     let folder = RunFolder::vacant(args.out.clone().unwrap_or_else(|| next_folder("demo")))?;
     let dataset = folder.path().join("dataset");
     make(&dataset, args)?;
-    let device_name = crate::commands::describe(&device);
-    let job = Job {
-        dataset,
-        config: resolved.config,
-        folder,
-        device,
-        more_devices: Vec::new(),
-        device_name,
-        resume: false,
-        stop_at: None,
-        quiet: args.quiet,
-        minutes: None,
-        schedule_svg: Some(schedule_svg),
-    };
-    execute(resolved.pipeline, &job)
+    execute(resolved.pipeline, &Job { quiet: args.quiet, ..job(dataset, &resolved, folder, device) })
 }
 
 /// A street that the shipped network has not seen, as logs are: two seconds of a front camera and a LiDAR.

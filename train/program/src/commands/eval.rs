@@ -3,8 +3,7 @@
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
-use gs_base::{counted, write_atomic};
-use gs_datasets::image_io::encode_png;
+use gs_base::counted;
 use serde::Serialize;
 
 use crate::cli::EvalArgs;
@@ -15,7 +14,7 @@ use gs_pipelines::{EvalRequest, Evaluated, find, of_checkpoint, resolve_changed}
 use gs_train::config::tables;
 use gs_train::run::measured::{Measured, Scores, described_split};
 use gs_train::run::metrics::psnr_cell;
-use gs_train::run::outputs::{self, MARK, check_one, marked_png};
+use gs_train::run::outputs::{self, MARK, check_one, write_json, write_png};
 use gs_train::run::resources::peak_memory;
 use gs_train::run::scene::{SceneFile, read_file};
 
@@ -77,15 +76,11 @@ pub fn run(args: &EvalArgs) -> Result<ExitCode> {
         let pictures: Vec<SideBySide> = pictures.iter().map(SideBySide::new).collect();
         outputs::check(&pictures.iter().map(path).collect::<Vec<_>>(), &[])?;
         for picture in &pictures {
-            let path = path(picture);
-            let png = encode_png(&path, picture.width, picture.height, &picture.pixels)?;
-            write_atomic(&path, &marked_png(&png))?;
+            write_png(&path(picture), [picture.width, picture.height], &picture.pixels)?;
         }
     }
     if let Some(path) = &args.out {
-        let figures = Figures { program: MARK, step, measured, peak_memory_bytes: peak_memory() };
-        let text = serde_json::to_string_pretty(&figures).expect("figures are JSON");
-        write_atomic(path, (text + "\n").as_bytes())?;
+        write_json(path, &Figures { program: MARK, step, measured, peak_memory_bytes: peak_memory() })?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -9,9 +9,8 @@ use gs_base::{printable, write_atomic};
 
 use crate::cli::SweepArgs;
 use crate::commands::planned::{Planned, State, Sweep, say, sweeps};
-use crate::commands::train::train_and_report;
-use crate::commands::{choose, describe, device, print};
-use crate::report;
+use crate::commands::train::{job, train_and_report};
+use crate::commands::{choose, device, print};
 use crate::report::comparison::{Gathered, Table, chart, enough, gather};
 use gs_train::run::folder::RunFolder;
 use gs_train::run::lock::Lock;
@@ -94,17 +93,9 @@ fn finishes(sweep: &Sweep<'_>, run: &Planned, device: &Device) -> Result<bool> {
         tracing::warn!("the system does not reset the peak of memory: each run shows the largest so far");
     }
     let job = Job {
-        dataset: sweep.dataset.to_path_buf(),
-        config: run.config.config.clone(),
-        folder: run.folder.clone(),
-        device: device.clone(),
-        more_devices: Vec::new(),
-        device_name: describe(device),
         resume: run.state == State::Begun,
-        stop_at: None,
         quiet: sweep.args.quiet,
-        minutes: None,
-        schedule_svg: Some(report::schedule_svg),
+        ..job(sweep.dataset.to_path_buf(), &run.config, run.folder.clone(), device.clone())
     };
     match train_and_report(run.config.pipeline, &job)? {
         Ending::Finished(eval) => {

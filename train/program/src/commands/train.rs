@@ -80,8 +80,8 @@ fn begun(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job
         Some(path) => RunFolder::vacant(path)?,
         None => RunFolder::vacant(next_folder(&stem(&dataset)))?,
     };
-    let job = Job { minutes: args.minutes, ..job(dataset, resolved.clone(), folder, device, args) };
-    Ok((resolved.pipeline, job))
+    let new = job(dataset, &resolved, folder, device);
+    Ok((resolved.pipeline, Job { minutes: args.minutes, quiet: args.quiet, ..new }))
 }
 
 fn resumed(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, Job)> {
@@ -115,20 +115,22 @@ fn resumed(args: &TrainArgs, device: Device) -> Result<(&'static dyn Pipeline, J
     if full_path(&dataset) != begun_on {
         tracing::warn!("the run began on {} and goes on with {}", begun_on.display(), dataset.display());
     }
-    Ok((resolved.pipeline, job(dataset, resolved, folder, device, args)))
+    let begun = job(dataset, &resolved, folder, device);
+    Ok((resolved.pipeline, Job { resume: true, quiet: args.quiet, ..begun }))
 }
 
-fn job(dataset: PathBuf, resolved: Resolved, folder: RunFolder, device: Device, args: &TrainArgs) -> Job {
+/// A new training on one device, which shows its progress.
+pub(super) fn job(dataset: PathBuf, resolved: &Resolved, folder: RunFolder, device: Device) -> Job {
     Job {
         dataset,
-        config: resolved.config,
+        config: resolved.config.clone(),
         folder,
         device_name: crate::commands::describe(&device),
         device,
         more_devices: Vec::new(),
-        resume: args.resume,
+        resume: false,
         stop_at: None,
-        quiet: args.quiet,
+        quiet: false,
         minutes: None,
         schedule_svg: Some(report::schedule_svg),
     }

@@ -15,7 +15,7 @@ use gs_train::run::exchange::Packed;
 use gs_train::run::folder::full_path;
 use gs_train::run::memory::megabytes;
 use gs_train::run::outputs;
-use gs_train::run::presentation::{self, Camera, Presentation};
+use gs_train::run::presentation::{self, Camera, PresentedScene};
 use gs_train::run::scene::{LoadedScene, SceneFile, read_file};
 use gs_train::sentence::one_sentence;
 
@@ -90,17 +90,8 @@ impl PageScene {
 
     /// The scene for its page.
     pub fn packed(self, name: &str) -> Page {
-        let Self { loaded, cameras } = self;
-        let presentation = Presentation {
-            name: name.into(),
-            options: loaded.render_options(loaded.gaussians.sh_degree()),
-            middle: loaded.middle,
-            cameras,
-            distance: loaded.facts.subject_distance,
-            shutter: loaded.shutter,
-            world: glam::DMat4::from_translation(loaded.origin),
-        };
-        viewer::packed(&*loaded.scene, &presentation)
+        let PresentedScene { scene, presentation } = self.loaded.presented(name, self.cameras);
+        viewer::packed(&*scene, &presentation)
     }
 }
 

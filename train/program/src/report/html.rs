@@ -1,8 +1,10 @@
 //! Text and pictures in HTML, and whole pages.
 
+use anyhow::Result;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use gs_base::printable;
+use gs_datasets::image_io::encode_png;
 
 use gs_train::run::outputs::MARK;
 
@@ -31,6 +33,12 @@ pub fn plain_name(text: &str) -> String {
     escaped(&printable(text))
 }
 
+/// A row of a table; `cells` are HTML.
+pub fn row(cell: &str, cells: impl IntoIterator<Item = String>) -> String {
+    let cells: String = cells.into_iter().map(|html| format!("<{cell}>{html}</{cell}>")).collect();
+    format!("<tr>{cells}</tr>\n")
+}
+
 /// A whole page that needs no other file, named for its tab; `head` is put into its head.
 pub fn page(title: &str, head: &str, body: &str) -> String {
     format!(
@@ -39,6 +47,14 @@ pub fn page(title: &str, head: &str, body: &str) -> String {
          <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n",
         plain_name(title)
     )
+}
+
+/// A picture of 8 bits with its caption as a [`figure`].
+///
+/// # Errors
+/// When it cannot be encoded.
+pub fn picture(size: [usize; 2], pixels: &[u8], what: &str, caption: &str) -> Result<String> {
+    Ok(figure(&encode_png("report".as_ref(), size[0], size[1], pixels)?, size, what, caption))
 }
 
 /// A picture as PNG with its caption, HTML. `what` says to those who do not see it what it is.

@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 
 use anyhow::Result;
 use gs_base::{agree, counted};
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use super::cards::{self, thousands};
 use super::comparison::Table;
@@ -131,24 +130,17 @@ fn facts(eval: &EvalFile) -> String {
     if eval.facts.is_empty() {
         return String::new();
     }
-    let mut html = String::from(
-        "<table>\n<tr><th>found in the data set</th><th>value</th><th>key that says otherwise</th></tr>\n",
-    );
-    for (name, value, key) in &eval.facts {
-        html +=
-            &format!("<tr><td>{}</td><td>{}</td><td>{}</td></tr>\n", escaped(name), html::name(value), escaped(key));
-    }
-    html + "</table>\n"
+    let head = html::row("th", ["found in the data set", "value", "key that says otherwise"].map(String::from));
+    let row = |(name, value, key): &(String, String, String)| [escaped(name), html::name(value), escaped(key)];
+    let rows: String = eval.facts.iter().map(|fact| html::row("td", row(fact))).collect();
+    format!("<table>\n{head}{rows}</table>\n")
 }
 
 /// A table of the method.
 fn figure_table(table: &FigureTable) -> String {
-    let row = |cells: &[String], cell: &str| {
-        let cells: String = cells.iter().map(|text| format!("<{cell}>{}</{cell}>", escaped(text))).collect();
-        format!("<tr>{cells}</tr>\n")
-    };
-    let rows: String = table.rows.iter().map(|cells| row(cells, "td")).collect();
-    let head = row(&table.columns, "th");
+    let row = |cell: &str, cells: &[String]| html::row(cell, cells.iter().map(|text| escaped(text)));
+    let rows: String = table.rows.iter().map(|cells| row("td", cells)).collect();
+    let head = row("th", &table.columns);
     section(&table.title, &format!("<div class=\"wide\"><table>\n{head}{rows}</table></div>\n"))
 }
 
@@ -191,12 +183,9 @@ fn show_pictures(page: &mut String, pictures: &[SideBySide]) -> Result<()> {
         headline(pictures)
     )?;
     for picture in pictures {
-        let mut png = Vec::new();
-        let (width, height) = (picture.width as u32, picture.height as u32);
-        PngEncoder::new(&mut png).write_image(&picture.pixels, width, height, ExtendedColorType::Rgb8)?;
         let what = format!("{}: photo, rendering, error", picture.name);
         let caption = format!("{}, {}", html::name(&picture.name), shown_psnr(picture.psnr));
-        page.push_str(&html::figure(&png, [picture.width, picture.height], &what, &caption));
+        *page += &html::picture([picture.width, picture.height], &picture.pixels, &what, &caption)?;
     }
     page.push_str("</section>\n");
     Ok(())

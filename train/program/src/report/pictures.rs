@@ -1,5 +1,6 @@
 //! Side-by-side pictures: photo, rendering, error.
 
+use super::future::strip::{Picture, joined};
 use gs_train::fit::parameters::to_host;
 use gs_train::run::evaluate::Comparison;
 use gs_train::run::pixels::{image_bytes, to_bytes};
@@ -9,9 +10,6 @@ pub const ERROR_FULL_SCALE: f32 = 0.25;
 
 /// Colour in the error panel of pixels that are not compared.
 const IGNORED: [u8; 3] = [70, 78, 90];
-
-/// Pixels between the panels.
-const GAP: usize = 4;
 
 /// Colours of the error from none to full scale: black, violet, red, orange, pale yellow. Lightness rises evenly, so
 /// that the panel also reads in grey.
@@ -40,7 +38,7 @@ impl SideBySide {
     /// Blurry photo (if known and the compared one is sharp), photo, rendering, error and what there is beside these,
     /// from left to right.
     pub fn new(comparison: &Comparison) -> Self {
-        let [height, panel, _] = comparison.truth.dims();
+        let [height, width, _] = comparison.truth.dims();
         let (truth, image) = (to_host(comparison.truth.clone()), to_host(comparison.image.clone()));
         let mut heat: Vec<[u8; 3]> =
             truth.chunks_exact(3).zip(image.chunks_exact(3)).map(|(a, b)| heat_of(a, b)).collect();
@@ -50,18 +48,12 @@ impl SideBySide {
         }
         let blurry = comparison.blurry.as_ref().map(|blurry| image_bytes(blurry.clone()));
         let more = comparison.more.iter().map(|(_, picture)| image_bytes(picture.clone()));
-        let panels: Vec<Vec<u8>> =
-            blurry.into_iter().chain([to_bytes(&truth), to_bytes(&image), heat.into_flattened()]).chain(more).collect();
-        let width = panels.len() * panel + (panels.len() - 1) * GAP;
-        let mut pixels = vec![255u8; 3 * width * height];
-        for (index, bytes) in panels.iter().enumerate() {
-            for (row, line) in bytes.chunks_exact(3 * panel).enumerate() {
-                let start = 3 * (row * width + index * (panel + GAP));
-                pixels[start..start + 3 * panel].copy_from_slice(line);
-            }
-        }
+        let panels = blurry.into_iter().chain([to_bytes(&truth), to_bytes(&image), heat.into_flattened()]).chain(more);
+        let panels: Vec<Picture> = panels.map(|pixels| Picture { width, height, pixels }).collect();
+        let (name, psnr, count) = (comparison.name.clone(), comparison.psnr, panels.len());
+        let Picture { width, height, pixels } = joined(&[panels]);
         let more = comparison.more.iter().map(|(name, _)| *name).collect();
-        Self { name: comparison.name.clone(), psnr: comparison.psnr, width, height, panels: panels.len(), pixels, more }
+        Self { name, psnr, width, height, panels: count, pixels, more }
     }
 }
 

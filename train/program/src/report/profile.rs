@@ -1,32 +1,24 @@
 //! The profile of a step as a list of bars.
 
-use std::fmt::Write as _;
-
-use super::html::escaped;
+use super::html::{self, escaped};
 use gs_train::run::profile::Profile;
 
 /// The stages of a profile as a list of bars.
 pub fn bars(profile: &Profile) -> String {
     let largest = profile.stages.first().map_or(1.0, |stage| stage.share).max(f64::MIN_POSITIVE);
     let of = if profile.cpu_seconds.is_some() { "CPU ms" } else { "wall ms" };
-    let mut html = format!(
-        "<section>\n<h2>One training step by stage</h2>\n<p>{}.</p>\n<table class=\"bars\">\n\
-         <tr><th>stage</th><th>{of}</th><th>share</th><th></th></tr>\n",
-        escaped(&profile.summary())
-    );
-    for row in profile.rows() {
+    let rows = profile.rows().into_iter().map(|row| {
         let seconds = row.cpu_seconds.unwrap_or(row.wall_seconds);
-        writeln!(
-            html,
-            "<tr><td>{}</td><td>{:.2}</td><td>{:.1} %</td><td><i style=\"width:{:.1}%\"></i></td></tr>",
-            escaped(&row.name),
-            1e3 * seconds,
-            100.0 * row.share,
-            100.0 * (row.share / largest).clamp(0.0, 1.0)
-        )
-        .expect("writing to a string does not fail");
-    }
-    html + "</table>\n</section>\n"
+        let width = 100.0 * (row.share / largest).clamp(0.0, 1.0);
+        let [ms, share] = [format!("{:.2}", 1e3 * seconds), format!("{:.1} %", 100.0 * row.share)];
+        html::row("td", [escaped(&row.name), ms, share, format!("<i style=\"width:{width:.1}%\"></i>")])
+    });
+    format!(
+        "<section>\n<h2>One training step by stage</h2>\n<p>{}.</p>\n<table class=\"bars\">\n{}{}</table>\n</section>\n",
+        escaped(&profile.summary()),
+        html::row("th", ["stage", of, "share", ""].map(String::from)),
+        rows.collect::<String>()
+    )
 }
 
 #[cfg(test)]

@@ -20,8 +20,6 @@ mod formats;
 mod fuzz;
 mod golden;
 mod held_out;
-#[cfg(any(feature = "wgpu", feature = "vulkan"))]
-mod launches;
 mod layers;
 #[path = "../../../../tests/src/mutate.rs"]
 mod mutate;

@@ -12,6 +12,8 @@
 //! extents, which makes the noise independent of the scene's unit and equal to the paper's at extent 1; the moments of
 //! both the live Gaussian and its copies are reset to zero.
 
+use burn::module::Param;
+use burn::tensor::Tensor;
 use gs_burn::Gaussians;
 use gs_burn::ops::noise::{NoiseConfig, perturb as add_noise};
 
@@ -67,6 +69,8 @@ pub fn perturb(gaussians: &mut Gaussians, noise: f64, context: &StepContext) {
     }
     let config = NoiseConfig::new(strength, context.seed, context.step as u64);
     let (quats, log_scales) = (gaussians.quats.val(), gaussians.log_scales.val());
-    let (means, logits) = (gaussians.take(Group::Means), gaussians.opacity_logits.val());
-    gaussians.set(Group::Means, add_noise(means, quats, log_scales, logits, &config));
+    // The update in place needs a single owner.
+    let none = Param::from_tensor(Tensor::empty([0, 3], &gaussians.device()));
+    let means = std::mem::replace(&mut gaussians.means, none).into_value();
+    gaussians.means = Param::from_tensor(add_noise(means, quats, log_scales, gaussians.opacity_logits.val(), &config));
 }

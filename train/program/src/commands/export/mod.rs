@@ -18,7 +18,7 @@ use gs_train::run::checkpoint::save;
 use gs_train::run::exchange::{ENDINGS, Format, Packed};
 use gs_train::run::memory::megabytes;
 use gs_train::run::outputs;
-use gs_train::run::scene::{FloaterFilter, LoadedScene, SceneFile, no_floaters, read_file};
+use gs_train::run::scene::{FloaterFilter, LoadedScene, SceneFile, no_floaters, read_file, through_time, within_reach};
 
 use size::fit;
 
@@ -43,31 +43,31 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
     if args.time.is_some() || args.frames.is_some() {
         loaded.moves(&args.scene)?;
     }
-    loaded.reaches("--time", args.time)?;
+    within_reach(&*loaded.scene, "--time", args.time)?;
     loaded.warn_outside(args.time);
-    let times: Vec<Option<f64>> = match args.frames {
-        Some(count) if !format.moves() => loaded.times(count as usize).into_iter().map(Some).collect(),
-        _ if format.moves() => vec![args.time],
-        _ => vec![Some(args.time.unwrap_or(loaded.middle))],
+    let times = match args.frames {
+        Some(count) if !format.moves() => loaded.times(count as usize),
+        _ => vec![args.time.unwrap_or(loaded.middle)],
     };
+    let moves = format.moves() && args.time.is_none();
     let is_numbered = args.frames.is_some() && !format.moves();
     let path = |index| if is_numbered { numbered(&args.out, index) } else { args.out.clone() };
     let paths: Vec<PathBuf> = (0..times.len()).map(path).collect();
     outputs::check(&paths, &[])?;
     let turn = args.up.map(|up| rotation(args, &loaded, up)).transpose()?;
     let samples = args.frames.map_or(SAMPLES, |count| count as usize);
-    let mut scenes: Vec<Packed> = times.iter().map(|t| loaded.packed(*t, samples)).collect();
-    if let Some(degree) = args.sh_degree {
-        scenes = scenes.into_iter().map(|scene| scene.cut(usize::from(degree))).collect();
-    }
-    let mut notes = vec![Vec::new(); scenes.len()];
-    if args.no_floaters {
-        for ((scene, note), t) in scenes.iter_mut().zip(&mut notes).zip(&times) {
-            let gaussians = loaded.scene.at(t.unwrap_or(loaded.middle));
+    let (mut scenes, mut notes) = (Vec::new(), vec![Vec::new(); times.len()]);
+    for (gaussians, note) in through_time(&*loaded.scene, &times).zip(&mut notes) {
+        let mut scene = loaded.packed(&gaussians, moves, samples);
+        if let Some(degree) = args.sh_degree {
+            scene = scene.cut(usize::from(degree));
+        }
+        if args.no_floaters {
             let kept = no_floaters(&gaussians, &FloaterFilter::default());
             note.push(format!("{} left out", counted(scene.splats.len() - kept.len(), "floater")));
-            *scene = scene.select(&kept);
+            scene = scene.select(&kept);
         }
+        scenes.push(scene);
     }
     let rows: Vec<Option<Vec<u32>>> = scenes
         .iter()

@@ -10,9 +10,9 @@ use gs_models::DynamicScene;
 use crate::cli::ExportArgs;
 use gs_pipelines::{Opened, of_checkpoint};
 use gs_train::fit::density::prune::contributions;
-use gs_train::fit::photos::{camera, to_tensor};
+use gs_train::fit::photos::{camera, mask_of, to_tensor};
 use gs_train::run::exchange::{Format, Packed};
-use gs_train::run::metrics::{psnr, psnr_masked};
+use gs_train::run::metrics::psnr_counted;
 use gs_train::run::scene::{LoadedScene, SceneFile, read_file, through_time};
 
 use super::keep;
@@ -126,10 +126,7 @@ fn mean_psnr(scene: &dyn DynamicScene, views: &[View], options: &RenderOptions) 
         let image = render(&gaussians, &camera(view, &device), options).color;
         let photo = view.truth.sharp.as_ref().unwrap_or(&view.image);
         let truth = to_tensor(view, &photo.data, 3, &device);
-        match &view.mask {
-            Some(mask) => psnr_masked(image, truth, to_tensor(view, mask, 1, &device)),
-            None => psnr(image, truth),
-        }
+        psnr_counted(image, truth, mask_of(view, &device))
     };
     views.iter().zip(through_time(scene, &times)).map(score).sum::<f64>() / views.len().max(1) as f64
 }

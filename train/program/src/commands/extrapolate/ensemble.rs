@@ -67,7 +67,7 @@ impl Work<'_> {
         let values = spread.values.last().cloned().unwrap_or_default();
         let (camera, gaussians) = (self.shots[0].pose(self.times.len() - 1), self.predicted.scene.at(last.time));
         let map = motion::map(self.predicted.renderer, &gaussians, camera, ("uncertainty", "scene units"), values);
-        self.write_picture("uncertainty.png", &map.picture)?;
+        self.files.picture("uncertainty.png", &map.picture)?;
         let caption = format!("Spread of the ensemble at {}, yellow is {:.4} {}", last.time, map.full, map.unit);
         shown.push(Shown::Picture(map.picture.clone(), caption));
         let calibration = self.calibration(&members, dataset)?;

@@ -76,9 +76,4 @@ impl Figures {
             step: None,
         }
     }
-
-    /// The text of the file.
-    pub fn json(&self) -> String {
-        serde_json::to_string_pretty(self).expect("figures are JSON") + "\n"
-    }
 }

@@ -1,8 +1,7 @@
 //! Frames, animations and PLY files of the times that were asked for; the scene with another step of integration.
 
 use anyhow::{Result, bail};
-use gs_base::{counted, write_atomic};
-use gs_datasets::image_io::encode_png;
+use gs_base::counted;
 use serde::Serialize;
 
 use super::Work;
@@ -11,7 +10,7 @@ use crate::commands::print;
 use crate::report::maps::write_gif;
 use gs_train::fit::extrapolation::Extrapolation;
 use gs_train::fit::parameters::to_host;
-use gs_train::run::outputs::marked_png;
+use gs_train::run::outputs::write_png;
 use gs_train::run::pixels::image_bytes;
 use gs_train::run::scene::{through_time, write_ply};
 
@@ -49,8 +48,7 @@ impl Work<'_> {
             for (shot, animation) in self.shots.iter().zip(&mut animations) {
                 let pose = shot.pose(index);
                 let pixels = image_bytes(self.predicted.renderer.image(&gaussians, pose));
-                let path = self.files.frame(shot, index);
-                write_atomic(&path, &marked_png(&encode_png(&path, pose.width, pose.height, &pixels)?))?;
+                write_png(&self.files.frame(shot, index), [pose.width, pose.height], &pixels)?;
                 animation.push(pixels);
             }
             if self.args.ply {

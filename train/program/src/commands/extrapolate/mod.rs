@@ -21,18 +21,16 @@ use anyhow::{Context, Result, bail};
 use glam::DVec3;
 use gs_base::{counted, printable, write_atomic};
 use gs_datasets::Split;
-use gs_datasets::image_io::encode_png;
 
 use crate::cli::ExtrapolateArgs;
 use crate::commands::{device, print};
 use crate::report::future::spread::moving_rows;
-use crate::report::future::strip::Picture;
 use crate::report::future::{PredictedScene, SceneRenderer, Shown, add_to_report, motion, section, trajectories};
 use gs_pipelines::{Opened, of_checkpoint};
 use gs_train::fit::extrapolation::Extrapolation;
 use gs_train::fit::parameters::to_host;
 use gs_train::run::folder::RunFolder;
-use gs_train::run::outputs::{self, marked_png, marked_svg};
+use gs_train::run::outputs::{self, marked_svg, write_json};
 use gs_train::run::results::Results;
 use gs_train::run::scene::{LoadedScene, SceneFile, read_file};
 use gs_train::sentence::one_sentence;
@@ -82,7 +80,7 @@ pub fn run(args: &ExtrapolateArgs) -> Result<ExitCode> {
     let Some(span) = loaded.scene.span() else {
         bail!("{}: expected a run with a moving scene, found one that stands still", args.run.display());
     };
-    let trained = pipeline.future().map(|future| future.extrapolate(&checkpoint, &photos, &device)).transpose()?;
+    let trained = pipeline.future().map(|extrapolate| extrapolate(&checkpoint, &photos, &device)).transpose()?;
     let renderer = SceneRenderer { facts: loaded.facts, render: loaded.render.clone(), device };
     let stepped = frames::stepped(args, trained.as_deref())?;
     let future = stepped.as_deref().or(trained.as_deref());
@@ -153,11 +151,11 @@ impl Work<'_> {
             (self.span, self.args.to),
             SEED,
         );
-        self.write_picture("trajectories.png", &paths)?;
+        self.files.picture("trajectories.png", &paths)?;
         let caption = format!("Paths of {}: seen in blue, the future in orange to red", counted(count, "Gaussian"));
         shown.push(Shown::Picture(paths, caption));
         for map in motion::maps(self.predicted.renderer, self.predicted.scene, self.shots[0].pose(0), self.times[0]) {
-            self.write_picture(&format!("{}.png", map.name), &map.picture)?;
+            self.files.picture(&format!("{}.png", map.name), &map.picture)?;
             let caption =
                 format!("{}, the brightest colour is {:.3} {}", map.name.replace('_', " "), map.full, map.unit);
             shown.push(Shown::Picture(map.picture.clone(), caption));
@@ -177,7 +175,7 @@ impl Work<'_> {
             None => {}
         }
         figures.step = self.step_note()?;
-        write_atomic(&self.files.at(figures::JSON), figures.json().as_bytes())?;
+        write_json(&self.files.at(figures::JSON), &figures)?;
         match &horizon {
             Some(horizon) => self.predicted.section(horizon, &shown),
             None => section::without_photos(&shown),
@@ -210,16 +208,9 @@ impl Work<'_> {
         found.iter().for_each(|horizon| print(horizon.line()));
         write_atomic(&self.files.at("psnr_over_time.svg"), marked_svg(&first.chart().svg()).as_bytes())?;
         if let Some(strip) = self.predicted.strip(&first, until) {
-            self.write_picture("strip.png", &strip)?;
+            self.files.picture("strip.png", &strip)?;
         }
         figures.future = found;
         Ok(Some(first))
-    }
-
-    /// Writes a picture that a later call may write over.
-    fn write_picture(&self, name: &str, picture: &Picture) -> Result<()> {
-        let path = self.files.at(name);
-        let png = encode_png(&path, picture.width, picture.height, &picture.pixels)?;
-        Ok(write_atomic(&path, &marked_png(&png))?)
     }
 }

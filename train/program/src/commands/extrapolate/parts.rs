@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use gs_base::{counted, write_atomic};
+use gs_base::counted;
 use serde::Serialize;
 
 use super::Work;
@@ -11,7 +11,7 @@ use super::plan::Files;
 use crate::commands::print;
 use gs_train::fit::extrapolation::{Extrapolation, Part};
 use gs_train::fit::parameters::rows_of;
-use gs_train::run::outputs::{self, MARK};
+use gs_train::run::outputs::{self, MARK, write_json};
 use gs_train::run::scene::write_ply;
 
 /// The list of the parts.
@@ -67,9 +67,7 @@ impl Work<'_> {
             write_ply(path, &rows_of(&whole, &part.rows), origin)?;
             print(format!("{}: {}, {}", part.name, counted(part.rows.len(), "Gaussian"), part.words));
         }
-        let file = File { program: MARK, time: self.span[0], parts: &figures };
-        let text = serde_json::to_string_pretty(&file)? + "\n";
-        write_atomic(&self.files.at(JSON), text.as_bytes())?;
+        write_json(&self.files.at(JSON), &File { program: MARK, time: self.span[0], parts: &figures })?;
         Ok(figures)
     }
 }

@@ -4,11 +4,14 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use glam::{DMat4, DQuat, DVec3};
+use gs_base::median;
 use gs_datasets::{CameraPose, Scene, View};
 
 use crate::cli::ExtrapolateArgs;
 use crate::report::future::pose_of;
+use crate::report::future::strip::Picture;
 use gs_train::config::brief;
+use gs_train::run::outputs::write_png;
 
 /// Frames at most: `--frames` allows no more.
 const FRAMES_MAX: f64 = 10_000.0;
@@ -61,9 +64,7 @@ pub fn interval(photos: &Scene) -> f64 {
     let mut times: Vec<f64> = photos.train.iter().filter_map(|view| view.time).collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
-    let mut gaps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    gaps.sort_by(f64::total_cmp);
-    gaps.get(gaps.len() / 2).copied().unwrap_or(1.0)
+    median(times.windows(2).map(|pair| pair[1] - pair[0]).collect()).unwrap_or(1.0)
 }
 
 /// A camera for the frames: its poses are one, or one for each frame.
@@ -164,6 +165,14 @@ impl Files {
     /// A file by its name.
     pub fn at(&self, name: &str) -> PathBuf {
         self.root.join(name)
+    }
+
+    /// Writes a picture that a later call may write over.
+    ///
+    /// # Errors
+    /// When the disk does not take it.
+    pub fn picture(&self, name: &str, picture: &Picture) -> Result<()> {
+        write_png(&self.at(name), [picture.width, picture.height], &picture.pixels)
     }
 
     /// A frame of a camera.

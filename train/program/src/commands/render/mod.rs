@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 use gs_base::{counted, write_atomic};
 use gs_burn::{Camera, Extras, RenderOptions, Rendering, render_with};
 use gs_datasets::CameraPose;
-use gs_datasets::image_io::{encode_exr, encode_png};
+use gs_datasets::image_io::encode_exr;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use crate::cli::{ImageFormat, RenderArgs};
@@ -18,9 +18,9 @@ use crate::commands::{device, print};
 use crate::report::maps::{self, write_gif};
 use gs_pipelines::load_scene;
 use gs_train::fit::parameters::to_host;
-use gs_train::run::outputs::{self, MARK, marked_png};
+use gs_train::run::outputs::{self, MARK, marked_png, write_png};
 use gs_train::run::pixels::{image_bytes, velocity_colors};
-use gs_train::run::scene::{LoadedScene, through_time};
+use gs_train::run::scene::{LoadedScene, through_time, within_reach};
 
 use film::Film;
 
@@ -61,7 +61,8 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
         })
         .collect();
     let origin = if args.time.is_some() { "--time".into() } else { source.display().to_string() };
-    loaded.reaches(&origin, jobs.iter().flat_map(|(_, moments)| moments.iter().map(|(_, t)| *t)))?;
+    let times = jobs.iter().flat_map(|(_, moments)| moments.iter().map(|(_, t)| *t));
+    within_reach(&*loaded.scene, &origin, times)?;
     check_outputs(args, &source, &jobs, loaded.scene.span().is_some())?;
     let mut count = 0;
     let mut film = None;
@@ -187,17 +188,12 @@ fn write_maps(stem: &Path, pose: &CameraPose, rendering: &Rendering) -> Result<(
     let (width, height) = (pose.width, pose.height);
     let alpha = to_host(rendering.alpha.clone());
     let depth = to_host(rendering.expected_depth().expect("depth was asked for"));
-    write_png(&appended(stem, "_depth_color.png"), width, height, &maps::depth_colors(&depth, &alpha))?;
+    write_png(&appended(stem, "_depth_color.png"), [width, height], &maps::depth_colors(&depth, &alpha))?;
     if let Some(velocity) = &rendering.features {
         let colors = velocity_colors(&to_host(velocity.clone()));
-        write_png(&appended(stem, "_velocity.png"), width, height, &colors)?;
+        write_png(&appended(stem, "_velocity.png"), [width, height], &colors)?;
     }
     Ok(())
-}
-
-/// Writes an image that a later rendering may write over.
-fn write_png(path: &Path, width: usize, height: usize, data: &[u8]) -> Result<()> {
-    Ok(write_atomic(path, &marked_png(&encode_png(path, width, height, data)?))?)
 }
 
 fn write(stem: &Path, pose: &CameraPose, rendering: &Rendering, format: ImageFormat) -> Result<()> {
@@ -206,8 +202,8 @@ fn write(stem: &Path, pose: &CameraPose, rendering: &Rendering, format: ImageFor
     let path = |suffix: &str| appended(stem, suffix);
     match format {
         ImageFormat::Png => {
-            write_png(&path(".png"), width, height, &image_bytes(rendering.color.clone()))?;
-            write_png(&path("_alpha.png"), width, height, &image_bytes(rendering.alpha.clone()))?;
+            write_png(&path(".png"), [width, height], &image_bytes(rendering.color.clone()))?;
+            write_png(&path("_alpha.png"), [width, height], &image_bytes(rendering.alpha.clone()))?;
             write_depth_png(&path("_depth.png"), width, height, &depth)?;
         }
         ImageFormat::Exr => {

@@ -11,7 +11,7 @@ use anyhow::Result;
 use burn::tensor::Device;
 use serde::Serialize;
 
-use self::server::Answers;
+use self::server::{Answers, SCENE, STATE};
 use crate::cli::WatchArgs;
 use crate::commands::view::PageScene;
 use crate::commands::{device, print};
@@ -128,7 +128,7 @@ impl Watcher {
             let charts = curves(&lines).into_iter().map(|(_, chart)| chart.svg()).collect();
             let version = found.shown.as_ref().map(Saved::version);
             let state = State { version, text: told(&lines, &found, &self.folder), charts };
-            answers.set_state(serde_json::to_string(&state).expect("texts are JSON"));
+            answers.set(STATE, serde_json::to_string(&state).expect("texts are JSON"));
             self.found = Some(found);
         }
     }
@@ -147,8 +147,10 @@ impl Watcher {
                 match self.packed(&saved.path) {
                     Ok(Packed { json, block }) => {
                         let version = saved.version();
-                        answers
-                            .set_scene(format!("{{\"version\":\"{version}\",\"scene\":{json},\"block\":\"{block}\"}}"));
+                        answers.set(
+                            SCENE,
+                            format!("{{\"version\":\"{version}\",\"scene\":{json},\"block\":\"{block}\"}}"),
+                        );
                         return (Some(saved), damaged);
                     }
                     // It was removed or replaced while it was read: the next look finds the next one.

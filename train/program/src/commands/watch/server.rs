@@ -5,6 +5,7 @@
 //! rebinding), so a `Host` that is not this address is refused. There is no CORS header, so that no other page may read
 //! an answer.
 
+use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -12,6 +13,10 @@ use std::sync::{Arc, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+
+/// The name of the run's state, and of the scene that is served.
+pub const STATE: &str = "/state.json";
+pub const SCENE: &str = "/scene.json";
 
 /// The port that a browser means where an address names none.
 const HTTP: u16 = 80;
@@ -28,39 +33,26 @@ const ANSWER_TIME: Duration = Duration::from_secs(20);
 /// Most connections at once; a browser opens six.
 const CONNECTIONS_MAX: usize = 32;
 
-/// The answers of the server; the state and the scene change while it runs.
-#[derive(Debug, Default)]
-pub struct Answers {
-    /// The page.
-    pub page: String,
-    state: RwLock<Arc<String>>,
-    scene: RwLock<Arc<String>>,
-}
+/// The answers of the server: type and text by name. State and scene change while it runs.
+#[derive(Debug)]
+pub struct Answers(RwLock<BTreeMap<&'static str, (&'static str, Arc<String>)>>);
 
 impl Answers {
     /// The page, with neither state nor scene yet.
     pub fn new(page: String) -> Self {
-        Self { page, state: RwLock::new(Arc::new("{}".into())), scene: RwLock::new(Arc::new("{}".into())) }
+        let answers = Self(RwLock::new(BTreeMap::from([("/", ("text/html; charset=utf-8", Arc::new(page)))])));
+        [STATE, SCENE].into_iter().for_each(|name| answers.set(name, "{}".into()));
+        answers
     }
 
-    /// Replaces `/state.json`.
-    pub fn set_state(&self, json: String) {
-        *self.state.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(json);
-    }
-
-    /// Replaces `/scene.json`.
-    pub fn set_scene(&self, json: String) {
-        *self.scene.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(json);
+    /// Replaces [`STATE`] or [`SCENE`].
+    pub fn set(&self, name: &'static str, json: String) {
+        let mut answers = self.0.write().unwrap_or_else(PoisonError::into_inner);
+        answers.insert(name, ("application/json", Arc::new(json)));
     }
 
     fn get(&self, name: &str) -> Option<(&'static str, Arc<String>)> {
-        let read = |text: &RwLock<Arc<String>>| text.read().unwrap_or_else(PoisonError::into_inner).clone();
-        match name {
-            "/" => Some(("text/html; charset=utf-8", Arc::new(self.page.clone()))),
-            "/state.json" => Some(("application/json", read(&self.state))),
-            "/scene.json" => Some(("application/json", read(&self.scene))),
-            _ => None,
-        }
+        self.0.read().unwrap_or_else(PoisonError::into_inner).get(name).cloned()
     }
 }
 
@@ -207,7 +199,7 @@ mod tests {
     #[test]
     fn names_are_fixed() {
         let answers = Answers::new("page".into());
-        answers.set_state("{\"a\":1}".into());
+        answers.set(STATE, "{\"a\":1}".into());
         assert_eq!(answers.get("/state.json").expect("a state").1.as_str(), "{\"a\":1}");
         for name in ["/../../etc/passwd", "//", "/scene.json?x", "/report.html", ""] {
             assert!(answers.get(name).is_none(), "{name}");

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use gs_base::printable;
 
 use super::{ComparedRun, by_cpu, pareto_front, seconds, settings};
-use crate::report::html::{escaped, name};
+use crate::report::html::{self, escaped};
 use gs_train::fit::figure::Prominence;
 use gs_train::run::measured::Evaluation;
 use gs_train::run::memory::megabytes;
@@ -126,24 +126,20 @@ impl Table {
 
     /// An HTML table; rows on a front are marked.
     pub fn html(&self) -> String {
-        let mut html = String::from("<div class=\"wide\"><table>\n<tr>");
-        self.columns.iter().for_each(|name| html += &format!("<th>{}</th>", escaped(name)));
-        html += "</tr>\n";
         let front = self.columns.iter().position(|name| name == "front");
-        for row in &self.rows {
-            let on_front = front.is_some_and(|c| !row[c].is_empty());
-            html += if on_front { "<tr class=\"front\">" } else { "<tr>" };
-            for (c, cell) in row.iter().enumerate() {
-                let cell = match cell.as_str() {
-                    "" => "–".into(),
-                    text if c == 0 => name(text),
-                    text => escaped(text),
-                };
-                html += &format!("<td>{cell}</td>");
-            }
-            html += "</tr>\n";
-        }
-        html + "</table></div>\n"
+        let cell = |(c, cell): (usize, &String)| match cell.as_str() {
+            "" => "–".into(),
+            text if c == 0 => html::name(text),
+            text => escaped(text),
+        };
+        let row = |cells: &Vec<String>| {
+            let row = html::row("td", cells.iter().enumerate().map(cell));
+            let on_front = front.is_some_and(|c| !cells[c].is_empty());
+            if on_front { row.replacen("<tr>", "<tr class=\"front\">", 1) } else { row }
+        };
+        let head = html::row("th", self.columns.iter().map(|name| escaped(name)));
+        let rows: String = self.rows.iter().map(row).collect();
+        format!("<div class=\"wide\"><table>\n{head}{rows}</table></div>\n")
     }
 }
 

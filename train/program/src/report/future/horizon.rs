@@ -10,10 +10,10 @@ use super::renderer::{PredictedScene, pose_of};
 use super::{ONE_TIME, strip};
 use crate::report::charts::{Chart, Series};
 use crate::report::future::strip::Picture;
-use gs_train::fit::photos::to_tensor;
+use gs_train::fit::photos::{mask_of, to_tensor};
 use gs_train::fit::told::{MOVING, given_regions};
 use gs_train::run::evaluate::PHOTO;
-use gs_train::run::metrics::{psnr, psnr_masked};
+use gs_train::run::metrics::{mean, psnr_counted, psnr_masked};
 use gs_train::run::scene::through_time;
 
 /// Splits of the future, the first of which is charted: cameras that did not train, then those that did.
@@ -96,7 +96,8 @@ impl PredictedScene<'_> {
         let past = if split == Split::TEST { self.past_views() } else { Vec::new() };
         let scores = self.scores(&[past, future].concat(), end);
         let future = gain(&scores)?;
-        Some(Horizon { split: split.into(), seen_to: end, moments: moments(&scores), future })
+        let moments = scores.chunk_by(|a, b| a.time == b.time).filter_map(moment).collect();
+        Some(Horizon { split: split.into(), seen_to: end, moments, future })
     }
 
     /// Views of a split after the last time that was seen and up to `until`; `None` without any.
@@ -175,11 +176,8 @@ fn fits(image: &Tensor<3>, view: &View) -> bool {
 fn compared(image: Tensor<3>, view: &View) -> (f64, Option<f64>) {
     let device = image.device();
     let truth = to_tensor(view, &view.image.data, 3, &device);
-    let mask = view.mask.as_ref().map(|mask| to_tensor(view, mask, 1, &device));
-    let whole = match &mask {
-        None => psnr(image.clone(), truth.clone()),
-        Some(mask) => psnr_masked(image.clone(), truth.clone(), mask.clone()),
-    };
+    let mask = mask_of(view, &device);
+    let whole = psnr_counted(image.clone(), truth.clone(), mask.clone());
     let moving = given_regions(view).into_iter().find(|region| region.name == MOVING);
     let moving = moving.filter(|region| region.mask.iter().any(|inside| *inside > 0)).map(|region| {
         let inside = to_tensor(view, &region.mask, 1, &device);
@@ -189,36 +187,25 @@ fn compared(image: Tensor<3>, view: &View) -> (f64, Option<f64>) {
     (whole, moving)
 }
 
-/// The mean; `None` without values.
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (mut sum, mut count) = (0.0, 0);
-    values.for_each(|value| (sum, count) = (sum + value, count + 1));
-    (count > 0).then(|| sum / f64::from(count))
-}
-
-fn moments(scores: &[Score]) -> Vec<Moment> {
-    let of = |scores: &[Score]| {
-        Some(Moment {
-            time: scores[0].time,
-            views: scores.len(),
-            psnr: mean(scores.iter().map(|score| score.model.0))?,
-            held: mean(scores.iter().filter_map(|score| Some(score.held?.0))),
-            moving: mean(scores.iter().filter_map(|score| score.model.1)),
-            held_moving: mean(scores.iter().filter_map(|score| score.held?.1)),
-        })
-    };
-    scores.chunk_by(|a, b| a.time == b.time).filter_map(of).collect()
+/// The means over `scores`, at the time of the first; `None` without any.
+fn moment(scores: &[Score]) -> Option<Moment> {
+    Some(Moment {
+        time: scores.first()?.time,
+        views: scores.len(),
+        psnr: mean(scores.iter().map(|score| score.model.0))?,
+        held: mean(scores.iter().filter_map(|score| Some(score.held?.0))),
+        moving: mean(scores.iter().filter_map(|score| score.model.1)),
+        held_moving: mean(scores.iter().filter_map(|score| score.held?.1)),
+    })
 }
 
 /// The means over the scores of the future; `None` without any.
 fn gain(scores: &[Score]) -> Option<Gain> {
-    let future: Vec<&Score> = scores.iter().filter(|score| score.held.is_some()).collect();
-    let psnr = mean(future.iter().map(|score| score.model.0))?;
-    let held = mean(future.iter().filter_map(|score| Some(score.held?.0)))?;
-    let moving = mean(future.iter().filter_map(|score| score.model.1));
-    let held_moving = mean(future.iter().filter_map(|score| score.held?.1));
+    let future: Vec<Score> = scores.iter().filter(|score| score.held.is_some()).copied().collect();
+    let Moment { views, psnr, held, moving, held_moving, .. } = moment(&future)?;
+    let held = held?;
     Some(Gain {
-        views: future.len(),
+        views,
         psnr,
         held,
         gain: psnr - held,

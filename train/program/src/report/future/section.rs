@@ -4,12 +4,11 @@ use std::fmt::Write as _;
 
 use anyhow::{Result, bail};
 use gs_base::{counted, guarded, write_atomic};
-use gs_datasets::image_io::encode_png;
 
 use super::Horizon;
 use super::renderer::PredictedScene;
 use super::strip::Picture;
-use crate::report::html::{escaped, figure};
+use crate::report::html::{self, escaped};
 use crate::report::{FUTURE, section_page, with_section};
 use gs_train::run::folder::RunFolder;
 use gs_train::run::outputs::MARK;
@@ -67,14 +66,13 @@ fn finish(mut html: String, more: &[Shown]) -> Result<String> {
 }
 
 fn picture(picture: &Picture, caption: &str) -> Result<String> {
-    let png = encode_png("report".as_ref(), picture.width, picture.height, &picture.pixels)?;
-    Ok(figure(&png, [picture.width, picture.height], caption, &escaped(caption)))
+    html::picture([picture.width, picture.height], &picture.pixels, caption, &escaped(caption))
 }
 
 fn table(horizon: &Horizon) -> String {
     let future = &horizon.future;
     let row = |name: &str, psnr: f64, held: f64| {
-        format!("<tr><td>{name}</td><td>{psnr:.2}</td><td>{held:.2}</td><td>{:+.2}</td></tr>\n", psnr - held)
+        html::row("td", [name.into(), format!("{psnr:.2}"), format!("{held:.2}"), format!("{:+.2}", psnr - held)])
     };
     let moving = future.moving.zip(future.held_moving).map(|(psnr, held)| row("moving parts", psnr, held));
     format!(

@@ -62,7 +62,7 @@ fn chosen<'a>(views: &[&'a View]) -> Vec<&'a View> {
 }
 
 /// Rows of pictures of one size on white.
-fn joined(rows: &[Vec<Picture>]) -> Picture {
+pub fn joined(rows: &[Vec<Picture>]) -> Picture {
     let (columns, first) = (rows.first().map_or(0, Vec::len), rows.first().and_then(|row| row.first()));
     let Some(first) = first else { return Picture { width: 0, height: 0, pixels: Vec::new() } };
     let width = columns * (first.width + GAP) - GAP;

@@ -156,14 +156,10 @@ fn tabulated(functions: &[basis::TimeFunction], [first, last]: [f64; 2]) -> Vec<
     (0..KNOTS * functions.len()).flat_map(sample).collect()
 }
 
-/// The rotations as unit quaternions, `[4 N]`, w x y z.
-pub(super) fn unit_quats(gaussians: &Gaussians) -> Vec<f32> {
-    let mut quats = to_host(gaussians.quats.val().inner());
-    for quat in quats.as_chunks_mut::<4>().0 {
-        let norm = quat.iter().map(|q| q * q).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
-        quat.iter_mut().for_each(|q| *q /= norm);
-    }
-    quats
+/// Makes a quaternion one of length 1.
+pub(super) fn normalise(quat: &mut [f32; 4]) {
+    let norm = quat.iter().map(|q| q * q).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
+    quat.iter_mut().for_each(|q| *q /= norm);
 }
 
 /// All numbers of a scene at one time that may change with it.
@@ -176,9 +172,11 @@ struct Frame {
 
 impl Frame {
     fn of(gaussians: &Gaussians) -> Self {
+        let mut quats = to_host(gaussians.quats.val().inner());
+        quats.as_chunks_mut().0.iter_mut().for_each(normalise);
         Self {
             means: to_host(gaussians.means.val().inner()),
-            quats: unit_quats(gaussians),
+            quats,
             log_scales: to_host(gaussians.log_scales.val().inner()),
             logits: to_host(gaussians.opacity_logits.val().inner()),
         }

@@ -7,8 +7,10 @@ use gs_models::{DynamicScene, Shutter};
 use serde::Serialize;
 
 use super::block::{Array, Block};
-use super::motion::{Clock, Motion, unit_quats};
+use super::motion::{Clock, Motion, normalise};
+use gs_splats::Splats;
 use gs_train::fit::parameters::to_host;
+use gs_train::run::exchange::host::splats_of;
 use gs_train::run::presentation::{Camera, Presentation};
 
 /// Up to so many Gaussians a page has everything; beyond, colour is the same from all sides (SH 0).
@@ -90,146 +92,111 @@ pub struct Packed {
 
 /// A scene as JSON and block.
 pub fn packed(scene: &dyn DynamicScene, presentation: &Presentation) -> Packed {
-    Shown { scene, presentation }.packed()
+    let Presentation { name, options, middle: time, cameras, distance, shutter, world } = presentation;
+    let span = shown_span(scene, cameras);
+    let exposure = shutter.map_or(0.0, |shutter| shutter.exposure);
+    let mut motion = span.and_then(|span| Motion::of(scene, span, exposure));
+    let gaussians = motion.as_ref().map_or_else(|| scene.at(*time), |motion| motion.base.clone());
+    let mut numbers = Numbers::of(&gaussians);
+    let total = numbers.0.len();
+    let mut notes = Vec::new();
+    if total > GAUSSIANS_MAX {
+        let kept = numbers.most_visible(GAUSSIANS_MAX);
+        motion.iter_mut().for_each(|motion| motion.keep(&kept));
+        numbers = Numbers(numbers.0.select(&kept));
+        let left = total - kept.len();
+        let are = agree(left, "is", "are");
+        notes.push(format!("the least visible {} {are} left out of this page", counted(left, "Gaussian")));
+    }
+    let trained_degree = options.sh_degree.min(numbers.0.degree);
+    let degree = if numbers.0.len() > WITH_SH_MAX { 0 } else { trained_degree };
+    if degree < trained_degree {
+        notes.push(format!("more than {WITH_SH_MAX} Gaussians: colours are the same from all sides in this page"));
+    }
+    let motion = motion.filter(|motion| motion.len() > 0);
+    let mut block = Block::default();
+    numbers.write(&mut block, degree);
+    if let Some(motion) = &motion {
+        write_motion(motion, &mut block, numbers.step());
+    }
+    let middle = numbers.middle();
+    let (cameras, distance) = match cameras.is_empty() {
+        true => free_camera(middle, numbers.radius(middle)),
+        false => (cameras.clone(), distance.unwrap_or_else(|| guessed_distance(&cameras[0], options.near, middle))),
+    };
+    let described = Described {
+        name: name.clone(),
+        count: numbers.0.len(),
+        total,
+        degree,
+        trained_degree,
+        moving: motion.as_ref().map_or(0, Motion::len),
+        arrays: block.arrays.clone(),
+        span: motion.as_ref().and(span),
+        seen: motion.as_ref().and(scene.span()),
+        middle: *time,
+        full_speed: motion.as_ref().map_or(0.0, |_| full_speed(scene, *time)),
+        clock: motion.as_ref().map(|motion| motion.clock),
+        shutter: shutter.filter(|_| motion.is_some()),
+        background: options.background,
+        near: options.near,
+        far: options.far,
+        eps2d: options.eps2d,
+        antialiased: options.antialiased,
+        up: up(&cameras),
+        world: world.to_cols_array(),
+        cameras,
+        distance,
+        notes,
+    };
+    let json = serde_json::to_string(&described).expect("numbers and names are JSON");
+    Packed { json: json.replace('<', "\\u003c"), block: block.text() }
 }
 
-/// A scene with its presentation.
-#[derive(Clone, Copy)]
-struct Shown<'a> {
-    scene: &'a dyn DynamicScene,
-    presentation: &'a Presentation,
+/// The first and the last time that are shown: those that the scene was trained for, and those of photos before and
+/// after, as far as the scene can be asked.
+fn shown_span(scene: &dyn DynamicScene, cameras: &[Camera]) -> Option<[f64; 2]> {
+    let [first, last] = scene.span()?;
+    let [earliest, latest] = scene.reach().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+    let times = cameras.iter().filter_map(|camera| camera.time).map(|time| time.max(earliest).min(latest));
+    Some(times.fold([first, last], |[first, last], time| [first.min(time), last.max(time)]))
 }
 
-impl Shown<'_> {
-    fn packed(self) -> Packed {
-        let Presentation { name, options, middle: time, cameras, distance, shutter, world } = self.presentation;
-        let span = self.shown_span();
-        let exposure = shutter.map_or(0.0, |shutter| shutter.exposure);
-        let mut motion = span.and_then(|span| Motion::of(self.scene, span, exposure));
-        let gaussians = motion.as_ref().map_or_else(|| self.scene.at(*time), |motion| motion.base.clone());
-        let mut numbers = Numbers::of(&gaussians);
-        let total = numbers.len();
-        let mut notes = Vec::new();
-        if total > GAUSSIANS_MAX {
-            let kept = numbers.most_visible(GAUSSIANS_MAX);
-            motion.iter_mut().for_each(|motion| motion.keep(&kept));
-            numbers = numbers.pick(&kept);
-            let left = total - kept.len();
-            let are = agree(left, "is", "are");
-            notes.push(format!("the least visible {} {are} left out of this page", counted(left, "Gaussian")));
-        }
-        let trained_degree = options.sh_degree.min(numbers.degree);
-        let degree = if numbers.len() > WITH_SH_MAX { 0 } else { trained_degree };
-        if degree < trained_degree {
-            notes.push(format!("more than {WITH_SH_MAX} Gaussians: colours are the same from all sides in this page"));
-        }
-        let motion = motion.filter(|motion| motion.len() > 0);
-        let mut block = Block::default();
-        numbers.write(&mut block, degree);
-        if let Some(motion) = &motion {
-            write_motion(motion, &mut block, numbers.step());
-        }
-        let middle = numbers.middle();
-        let (cameras, distance) = match cameras.is_empty() {
-            true => free_camera(middle, numbers.radius(middle)),
-            false => (cameras.clone(), distance.unwrap_or_else(|| self.guessed_distance(middle))),
-        };
-        let described = Described {
-            name: name.clone(),
-            count: numbers.len(),
-            total,
-            degree,
-            trained_degree,
-            moving: motion.as_ref().map_or(0, Motion::len),
-            arrays: block.arrays.clone(),
-            span: motion.as_ref().and(span),
-            seen: motion.as_ref().and(self.scene.span()),
-            middle: *time,
-            full_speed: motion.as_ref().map_or(0.0, |_| self.full_speed()),
-            clock: motion.as_ref().map(|motion| motion.clock),
-            shutter: shutter.filter(|_| motion.is_some()),
-            background: options.background,
-            near: options.near,
-            far: options.far,
-            eps2d: options.eps2d,
-            antialiased: options.antialiased,
-            up: up(&cameras),
-            world: world.to_cols_array(),
-            cameras,
-            distance,
-            notes,
-        };
-        let json = serde_json::to_string(&described).expect("numbers and names are JSON");
-        Packed { json: json.replace('<', "\\u003c"), block: block.text() }
-    }
-
-    /// The first and the last time that are shown: those that the scene was trained for, and those of photos before and
-    /// after, as far as the scene can be asked.
-    fn shown_span(&self) -> Option<[f64; 2]> {
-        let [first, last] = self.scene.span()?;
-        let [earliest, latest] = self.scene.reach().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        let times = self
-            .presentation
-            .cameras
-            .iter()
-            .filter_map(|camera| camera.time)
-            .map(|time| time.max(earliest).min(latest));
-        Some(times.fold([first, last], |[first, last], time| [first.min(time), last.max(time)]))
-    }
-
-    /// The distance of the scene's middle before the first camera, at least a little.
-    fn guessed_distance(&self, middle: [f32; 3]) -> f64 {
-        let c2w = DMat4::from_cols_array(&self.presentation.cameras[0].c2w);
-        let along = (DVec3::from_array(middle.map(f64::from)) - c2w.w_axis.truncate()).dot(c2w.z_axis.truncate());
-        along.max(10.0 * self.presentation.options.near)
-    }
-
-    /// The speed of the brightest colour, scene units per unit of time.
-    fn full_speed(&self) -> f64 {
-        let span = self.scene.span().unwrap_or([self.presentation.middle; 2]);
-        let times = [span[0], 0.5 * (span[0] + span[1]), span[1]];
-        let mut speeds: Vec<f32> = Vec::new();
-        for t in times {
-            let velocity = to_host(self.scene.velocity(t).inner());
-            let fast = velocity.as_chunks::<3>().0.iter().map(|v| v.iter().map(|x| x * x).sum::<f32>().sqrt());
-            speeds.extend(fast.filter(|speed| *speed > 0.0));
-        }
-        speeds.sort_by(f32::total_cmp);
-        let index = ((1.0 - FASTEST) * speeds.len() as f64) as usize;
-        let full = speeds.get(index).or(speeds.last()).copied().unwrap_or(1.0);
-        f64::from(full).max(1e-12)
-    }
+/// The distance of the scene's middle before the first camera, at least a little.
+fn guessed_distance(camera: &Camera, near: f64, middle: [f32; 3]) -> f64 {
+    let c2w = DMat4::from_cols_array(&camera.c2w);
+    let along = (DVec3::from_array(middle.map(f64::from)) - c2w.w_axis.truncate()).dot(c2w.z_axis.truncate());
+    along.max(10.0 * near)
 }
 
-/// The numbers of Gaussians on the host.
-struct Numbers {
-    means: Vec<f32>,
-    quats: Vec<f32>,
-    log_scales: Vec<f32>,
-    logits: Vec<f32>,
-    sh: Vec<f32>,
-    degree: usize,
+/// The speed of the brightest colour, scene units per unit of time.
+fn full_speed(scene: &dyn DynamicScene, middle: f64) -> f64 {
+    let span = scene.span().unwrap_or([middle; 2]);
+    let times = [span[0], 0.5 * (span[0] + span[1]), span[1]];
+    let mut speeds: Vec<f32> = Vec::new();
+    for t in times {
+        let velocity = to_host(scene.velocity(t).inner());
+        let fast = velocity.as_chunks::<3>().0.iter().map(|v| v.iter().map(|x| x * x).sum::<f32>().sqrt());
+        speeds.extend(fast.filter(|speed| *speed > 0.0));
+    }
+    speeds.sort_by(f32::total_cmp);
+    let index = ((1.0 - FASTEST) * speeds.len() as f64) as usize;
+    let full = speeds.get(index).or(speeds.last()).copied().unwrap_or(1.0);
+    f64::from(full).max(1e-12)
 }
+
+/// Gaussians on the host, their rotations as unit quaternions.
+struct Numbers(Splats);
 
 impl Numbers {
     fn of(gaussians: &Gaussians) -> Self {
-        Self {
-            means: to_host(gaussians.means.val().inner()),
-            quats: unit_quats(gaussians),
-            log_scales: to_host(gaussians.log_scales.val().inner()),
-            logits: to_host(gaussians.opacity_logits.val().inner()),
-            sh: to_host(gaussians.sh.val().inner()),
-            degree: gaussians.sh_degree(),
-        }
-    }
-
-    fn len(&self) -> usize {
-        self.logits.len()
+        let mut splats = splats_of(gaussians, None);
+        splats.quats.iter_mut().for_each(normalise);
+        Self(splats)
     }
 
     fn sorted_sizes(&self) -> Vec<f32> {
-        let mut sizes: Vec<f32> =
-            self.log_scales.as_chunks::<3>().0.iter().map(|s| (s.iter().sum::<f32>() / 3.0).exp()).collect();
+        let mut sizes: Vec<f32> = self.0.log_scales.iter().map(|s| (s.iter().sum::<f32>() / 3.0).exp()).collect();
         sizes.retain(|size| size.is_finite() && *size > 0.0);
         sizes.sort_by(f32::total_cmp);
         sizes
@@ -245,7 +212,7 @@ impl Numbers {
     /// The median of the means, axis by axis.
     fn middle(&self) -> [f32; 3] {
         [0, 1, 2].map(|axis| {
-            let mut values: Vec<f32> = self.means.iter().skip(axis).step_by(3).copied().collect();
+            let mut values: Vec<f32> = self.0.means.iter().map(|mean| mean[axis]).collect();
             values.retain(|value| value.is_finite());
             values.sort_by(f32::total_cmp);
             values.get(values.len() / 2).copied().unwrap_or(0.0)
@@ -255,7 +222,7 @@ impl Numbers {
     /// Half of the means are nearer to `middle` than this.
     fn radius(&self, middle: [f32; 3]) -> f64 {
         let distance = |mean: &[f32; 3]| (0..3).map(|a| (mean[a] - middle[a]).powi(2)).sum::<f32>().sqrt();
-        let mut distances: Vec<f32> = self.means.as_chunks::<3>().0.iter().map(distance).collect();
+        let mut distances: Vec<f32> = self.0.means.iter().map(distance).collect();
         distances.retain(|distance| distance.is_finite());
         distances.sort_by(f32::total_cmp);
         f64::from(distances.get(distances.len() / 2).copied().unwrap_or(1.0)).max(1e-6)
@@ -264,47 +231,34 @@ impl Numbers {
     /// The `count` rows of the largest opacity times area, ascending.
     fn most_visible(&self, count: usize) -> Vec<u32> {
         let seen = |row: usize| {
-            let scales = &self.log_scales[3 * row..][..3];
-            let opacity = 1.0 / (1.0 + (-self.logits[row]).exp());
+            let scales = &self.0.log_scales[row];
+            let opacity = 1.0 / (1.0 + (-self.0.opacity_logits[row]).exp());
             // The area of the two longest axes.
             let area = scales.iter().sum::<f32>() - scales.iter().copied().fold(f32::INFINITY, f32::min);
             opacity.ln() + area
         };
-        let mut order: Vec<(f32, u32)> = (0..self.len()).map(|row| (seen(row), row as u32)).collect();
+        let mut order: Vec<(f32, u32)> = (0..self.0.len()).map(|row| (seen(row), row as u32)).collect();
         order.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut kept: Vec<u32> = order[..count].iter().map(|(_, row)| *row).collect();
         kept.sort_unstable();
         kept
     }
 
-    fn pick(&self, rows: &[u32]) -> Self {
-        let of = |values: &[f32], width: usize| -> Vec<f32> {
-            rows.iter().flat_map(|row| values[*row as usize * width..][..width].iter().copied()).collect()
-        };
-        Self {
-            means: of(&self.means, 3),
-            quats: of(&self.quats, 4),
-            log_scales: of(&self.log_scales, 3),
-            logits: of(&self.logits, 1),
-            sh: of(&self.sh, 3 * (self.degree + 1) * (self.degree + 1)),
-            degree: self.degree,
-        }
-    }
-
     fn write(&self, block: &mut Block, degree: usize) {
-        block.floats("means", &self.means, self.step());
-        block.shorts("logits", self.logits.iter().copied(), LOGIT_STEP);
-        block.shorts("quats", self.quats.iter().copied(), QUAT_STEP);
-        block.shorts("log_scales", self.log_scales.iter().copied(), SCALE_STEP);
+        let Splats { means, quats, log_scales, opacity_logits, sh, .. } = &self.0;
+        block.floats("means", means.as_flattened(), self.step());
+        block.shorts("logits", opacity_logits.iter().copied(), LOGIT_STEP);
+        block.shorts("quats", quats.as_flattened().iter().copied(), QUAT_STEP);
+        block.shorts("log_scales", log_scales.as_flattened().iter().copied(), SCALE_STEP);
         // Coefficient by coefficient, since one coefficient of many Gaussians compresses better than many of one.
-        let stored = 3 * (self.degree + 1) * (self.degree + 1);
+        let (sh, stored) = (sh.as_flattened(), 3 * self.0.coefficients());
         let used = 3 * (degree + 1) * (degree + 1);
         let coarse = |number: usize, value: f32| match number < 12 {
             true => value,
             false => ((f64::from(value) / (2.0 * SH_STEP)).round() * 2.0 * SH_STEP) as f32,
         };
         let values =
-            (0..used).flat_map(|number| (0..self.len()).map(move |row| coarse(number, self.sh[row * stored + number])));
+            (0..used).flat_map(|number| (0..means.len()).map(move |row| coarse(number, sh[row * stored + number])));
         block.shorts("sh", values, SH_STEP);
     }
 }
