@@ -1,8 +1,6 @@
 //! The pipeline of docs/extend.md, which the program knows by one line: it learns, saves, resumes, reports and is
 //! charted like any other.
 
-use crate::common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +13,7 @@ use gs_worlds::{DemoOptions, demo_scene};
 use gsburn::report::comparison::{Table, gather};
 
 use crate::common::program::succeeds;
+use crate::common::{self, read_json};
 
 const STEPS: usize = 1500;
 
@@ -68,10 +67,6 @@ const ERROR: f64 = 0.03;
 /// seeds.
 const GAIN: f64 = 0.7;
 
-fn json(path: &Path) -> serde_json::Value {
-    serde_json::from_slice(&fs::read(path).expect("read")).expect("JSON")
-}
-
 #[test]
 fn brightness_is_learned_measured_reported_and_charted() {
     let temporary = tempfile::tempdir().expect("a folder");
@@ -107,7 +102,7 @@ fn brightness_is_learned_measured_reported_and_charted() {
 
     // The checkpoint is the scene that was measured; another backend sums in another order.
     succeeds(folder, &["eval", "learned", "--out", "eval.json", "--device", &common::device_name()]);
-    let (again, first) = (json(&folder.join("eval.json")), json(&learned.folder.eval()));
+    let (again, first) = (read_json(&folder.join("eval.json")), read_json(&learned.folder.eval()));
     for key in ["psnr", "ssim", "views", "figures", "compared", "split"] {
         assert_eq!(again[key], first[key], "{key}");
     }

@@ -1,7 +1,5 @@
 //! The program itself: commands work end to end, and bad input ends with one sentence and a non-zero exit.
 
-use crate::common;
-
 use std::fs;
 use std::process::Command;
 
@@ -11,6 +9,7 @@ use gs_train::run::exchange::host::splats_of;
 use gsburn::report::comparison::{Table, gather};
 
 use crate::common::program::{fails, fails_with, gsburn, program, succeeds};
+use crate::common::{self, read_json};
 
 const QUICK: [&str; 10] = [
     "--steps",
@@ -36,8 +35,7 @@ fn a_scene_goes_from_photos_to_frames() {
     for file in ["config.toml", "metrics.jsonl", "eval.json", "scene.ply", "report.html", "plots/psnr.svg"] {
         assert!(folder.join("run").join(file).is_file(), "{file}");
     }
-    let eval: serde_json::Value =
-        serde_json::from_slice(&fs::read(folder.join("run/eval.json")).expect("read")).expect("JSON");
+    let eval = read_json(&folder.join("run/eval.json"));
     assert!(eval["psnr"].as_f64().expect("a number") > 5.0);
     assert!(eval["lpips"].is_number() || eval["lpips_reason"].is_string(), "LPIPS or a reason");
     assert_eq!(eval["step"], 12);
@@ -99,14 +97,13 @@ fn a_moving_scene_is_shown_at_any_time() {
     let resumed = gsburn(folder, &["train", "moved", "--resume", "--out", "run"]);
     let said = String::from_utf8_lossy(&resumed.stderr).into_owned();
     assert!(resumed.status.success() && said.contains("the run began on"), "{said}");
-    let eval: serde_json::Value =
-        serde_json::from_slice(&fs::read(folder.join("run/eval.json")).expect("read")).expect("JSON");
+    let eval = read_json(&folder.join("run/eval.json"));
     assert_eq!(eval["evaluations"].as_array().map(Vec::len), Some(1));
 
     // With a photo fewer it is another data set, for a run that still has something to write.
     fs::remove_file(folder.join("run/report.html")).expect("removed");
     let frames = folder.join("moved/transforms_train.json");
-    let mut cameras: serde_json::Value = serde_json::from_slice(&fs::read(&frames).expect("read")).expect("JSON");
+    let mut cameras = read_json(&frames);
     cameras["frames"].as_array_mut().expect("frames").pop();
     fs::write(&frames, cameras.to_string()).expect("written");
     let error = fails(folder, &["train", "moved", "--resume", "--out", "run"]);
@@ -183,8 +180,7 @@ fn a_budget_of_minutes_becomes_a_number_of_steps() {
     succeeds(folder, &train("0.03"));
     let text = fs::read_to_string(folder.join("run/config.toml")).expect("read");
     let steps = text.parse::<toml::Table>().expect("TOML")["steps"].as_integer().expect("a number");
-    let eval: serde_json::Value =
-        serde_json::from_slice(&fs::read(folder.join("run/eval.json")).expect("read")).expect("JSON");
+    let eval = read_json(&folder.join("run/eval.json"));
     assert_eq!(eval["step"].as_i64(), Some(steps));
 }
 

@@ -1,7 +1,5 @@
 //! Held-out views: which image is compared, which split is measured, and that nothing inferred is taken for given.
 
-use crate::common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -17,6 +15,7 @@ use gs_train::run::scene::SceneFile;
 use gs_worlds::deblur::{self, DeblurOptions, World};
 
 use crate::common::program::gsburn;
+use crate::common::{self, read_json};
 
 const STEPS: usize = 120;
 
@@ -107,7 +106,7 @@ fn eval_json_says_what_was_compared() {
     let overrides = [&OVERRIDES[..], &["data.priors=[]"]].concat();
     let job = common::job(&world, &folder.join("run"), &common::config(10, &overrides));
     common::finish(&job);
-    let eval: serde_json::Value = serde_json::from_slice(&fs::read(job.folder.eval()).expect("read")).expect("JSON");
+    let eval = read_json(&job.folder.eval());
     assert_eq!(eval["compared"], "formed blur");
     let report = fs::read_to_string(job.folder.report()).expect("read");
     assert!(report.contains("compared with the blur that the scene forms"));
@@ -155,8 +154,6 @@ fn splits_have_names() {
     let job = common::job(&scene, &folder.join("run"), &common::config(4, &[]));
     let eval = common::finish(&job);
     assert_eq!((eval.last.measured.split.as_str(), eval.last.measured.quality.views.len()), ("test", 2));
-    let json =
-        |path: &Path| -> serde_json::Value { serde_json::from_slice(&fs::read(path).expect("read")).expect("JSON") };
 
     let measured = |split: &str| {
         let output = {
@@ -165,7 +162,7 @@ fn splits_have_names() {
             gsburn(folder, &["eval", "run", "--split", split, "--out", "out.json", "--device", &device])
         };
         assert!(output.status.success(), "{split}: {}", String::from_utf8_lossy(&output.stderr));
-        let said = json(&folder.join("out.json"));
+        let said = read_json(&folder.join("out.json"));
         assert_eq!(said["split"], split);
         let names = said["views"].as_array().expect("views").iter().map(|view| view["name"].to_string());
         (names.collect::<Vec<_>>(), said["psnr"].as_f64().expect("a number"))
@@ -175,7 +172,7 @@ fn splits_have_names() {
     let (training, _) = measured("train");
     assert!(training.len() == 4 && !training.contains(&validation[0]), "{training:?}");
     let (test, psnr) = measured("test");
-    assert_eq!((test.len(), Some(psnr)), (2, json(&job.folder.eval())["psnr"].as_f64()));
+    assert_eq!((test.len(), Some(psnr)), (2, read_json(&job.folder.eval())["psnr"].as_f64()));
 
     let unknown = gsburn(folder, &["eval", "run", "--split", "vaildation"]);
     let said = String::from_utf8_lossy(&unknown.stderr).into_owned();

@@ -1,17 +1,16 @@
 //! Files of scenes as others bring them: far from the origin, with broken Gaussians, in formats that are not read, with
 //! cameras of other viewers.
 
-use crate::common;
-
 use std::fs;
 use std::path::Path;
 
 use crate::common::program::{fails, says, succeeds};
+use crate::common::{self, read_json};
 use glam::{DMat4, DVec3};
 use gs_datasets::load_cameras;
 use gs_splats::Splats;
 use gs_train::run::exchange::{Format, Packed, read_packed};
-use serde_json::{Value, json};
+use serde_json::json;
 
 const QUICK: [&str; 8] =
     ["--steps", "12", "--set", "eval.ms_ssim=false", "--set", "init.random_points=150", "--cap=160", "--seed=1"];
@@ -24,7 +23,7 @@ fn trained_at(folder: &Path, offset: [f64; 3]) -> String {
     common::tiny_scene(folder);
     for name in ["train", "test"] {
         let file = folder.join(format!("scene/transforms_{name}.json"));
-        let mut top: Value = serde_json::from_slice(&fs::read(&file).expect("read")).expect("JSON");
+        let mut top = read_json(&file);
         top.as_object_mut().expect("an object").remove("ply_file_path");
         for frame in top["frames"].as_array_mut().expect("frames") {
             for (axis, shift) in offset.iter().enumerate() {

@@ -12,7 +12,7 @@ use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::Job;
 use gs_worlds::extrapolation::{ExtrapolationOptions, World, write};
 
-use crate::common;
+use crate::common::{self, read_json};
 
 /// A small world, photographed by `cameras`, one of them held out.
 fn world(folder: &Path, world: World, (size, frames): (usize, usize), cameras: usize) -> PathBuf {
@@ -103,8 +103,7 @@ fn a_rotation_is_found_and_goes_on() {
     let bodies = model.bodies.as_ref().expect("bodies");
     let of = |body: usize| model.frame.labels.iter().filter(|label| **label == body as i32).count();
     let body = (0..bodies.len()).max_by_key(|body| of(*body)).expect("a body");
-    let text = fs::read_to_string(world.join("transforms_train.json")).expect("read");
-    let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let json = read_json(&world.join("transforms_train.json"));
     let vector = |key: &str| {
         let numbers = json["movers"][0]["poses"][0][key].as_array().expect("three").iter();
         DVec3::from_slice(&numbers.filter_map(serde_json::Value::as_f64).collect::<Vec<_>>())
@@ -214,8 +213,7 @@ fn photos_alone_begin_on_the_hull_of_the_outlines() {
     let mut reach = f64::INFINITY;
     for split in ["train", "val", "test"] {
         let path = world.join(format!("transforms_{split}.json"));
-        let mut json: serde_json::Value =
-            serde_json::from_str(&fs::read_to_string(&path).expect("read")).expect("JSON");
+        let mut json = read_json(&path);
         json.as_object_mut().expect("an object").remove("ply_file_path");
         for frame in json["frames"].as_array_mut().expect("frames") {
             let frame = frame.as_object_mut().expect("a frame");

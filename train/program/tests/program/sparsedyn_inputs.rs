@@ -7,6 +7,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::common::program::{fails, says, succeeds};
+use crate::common::read_json;
 
 /// Keys of every run: small, and without measures that take longer than the training.
 const KEYS: [&str; 6] = [
@@ -34,7 +35,7 @@ fn trains(folder: &Path, run: &str, steps: &str, keys: &[&str]) -> String {
 fn edit(folder: &Path, change: impl Fn(&mut Value)) {
     for split in ["train", "val", "test"] {
         let path = folder.join(format!("world/transforms_{split}.json"));
-        let mut json: Value = serde_json::from_str(&fs::read_to_string(&path).expect("read")).expect("JSON");
+        let mut json = read_json(&path);
         change(&mut json);
         fs::write(&path, json.to_string()).expect("written");
     }
@@ -47,8 +48,7 @@ fn edit_frames(folder: &Path, change: impl Fn(&mut Value)) {
 
 /// The figures of a run: PSNR, and the mean speed at the first frame.
 fn figures(folder: &Path, run: &str) -> (f64, f64) {
-    let text = fs::read_to_string(folder.join(run).join("eval.json")).expect("figures");
-    let json: Value = serde_json::from_str(&text).expect("JSON");
+    let json = read_json(&folder.join(run).join("eval.json"));
     let speed = json["figures"].as_array().expect("figures").iter().find(|figure| figure["key"] == "mean_speed");
     (json["psnr"].as_f64().expect("a number"), speed.expect("a speed")["value"].as_f64().expect("a number"))
 }
@@ -263,8 +263,7 @@ fn times_out_of_reach_are_refused() {
     // Photos of another recording: cameras for a rendering, and views to be measured.
     fs::create_dir(folder.join("later")).expect("a folder");
     for split in ["train", "val", "test"] {
-        let text = fs::read_to_string(folder.join(format!("world/transforms_{split}.json"))).expect("read");
-        let mut json: Value = serde_json::from_str(&text).expect("JSON");
+        let mut json = read_json(&folder.join(format!("world/transforms_{split}.json")));
         for frame in json["frames"].as_array_mut().expect("frames") {
             frame["time"] = json!(1e6 + frame["time"].as_f64().expect("a time"));
             let path = format!("../world/{}", frame["file_path"].as_str().expect("a path").trim_start_matches("./"));

@@ -160,3 +160,8 @@ pub fn edit(world: &Path, file: &str, change: impl FnOnce(&mut Vec<serde_json::V
     change(json["frames"].as_array_mut().expect("frames"));
     std::fs::write(&path, json.to_string()).expect("written");
 }
+
+/// A JSON file.
+pub fn read_json(path: &Path) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(path).expect("read")).expect("JSON")
+}

@@ -22,9 +22,9 @@ use gs_train::run::metrics::psnr;
 use gs_train::run::watch::Job;
 use gs_worlds::driving::write;
 
-use crate::common;
 use crate::common::program::{fails, fails_with, says, succeeds};
 use crate::common::streets::{SMALL, small_street, streets};
+use crate::common::{self, read_json};
 
 /// The mean PSNR of the frames between the inputs of a street, dB, by the untrained network's Gaussians, whose
 /// opacities (logits) are all changed by the best number.
@@ -78,8 +78,10 @@ pub fn reconstructs(log: &Path, job: &Job, folder: &Path) {
         assert!(out.join(file).is_file(), "{file}");
     }
     assert!(lines.iter().any(|line| line.starts_with("Scene flow, bucketed")), "{lines:?}");
-    assert!(json(&out.join("reconstruction.json"))["tables"][0]["rows"].as_array().is_some_and(|rows| rows.len() > 1));
-    let actors = json(&out.join("actors.json"))["snippets"][0]["actors"].as_array().expect("a list").clone();
+    assert!(
+        read_json(&out.join("reconstruction.json"))["tables"][0]["rows"].as_array().is_some_and(|rows| rows.len() > 1)
+    );
+    let actors = read_json(&out.join("actors.json"))["snippets"][0]["actors"].as_array().expect("a list").clone();
     assert!(!actors.is_empty(), "twelve movers");
     for actor in &actors {
         let path = out.join(format!("actors/002-000-{:02}.ply", actor["actor"].as_u64().expect("a number")));
@@ -106,7 +108,7 @@ pub fn reconstructs(log: &Path, job: &Job, folder: &Path) {
     fs::write(&script, "[[edits]]\ndo = \"paint\"\n").expect("written");
     assert!(refused(Reconstruction { edit: Some(&script), ..request }).contains("edits.toml"));
     assert!(refused(Reconstruction { start: 9, ..request }).contains("--start 9"));
-    let count = || json(&out.join("reconstruction.json"))["gaussians"].as_u64().expect("a number");
+    let count = || read_json(&out.join("reconstruction.json"))["gaussians"].as_u64().expect("a number");
     networks.reconstruct(&checkpoint, &request).expect("as before");
     let (before, set) = (count(), ["lift.sky_points=40".to_string()]);
     networks.reconstruct(&checkpoint, &Reconstruction { set: &set, ..request }).expect("with less sky");
@@ -114,10 +116,6 @@ pub fn reconstructs(log: &Path, job: &Job, folder: &Path) {
     assert_eq!(count(), before - 60);
     let set = ["unet.width=0.5".to_string()];
     assert!(refused(Reconstruction { set: &set, ..request }).contains("those of the network"));
-}
-
-pub fn json(path: &Path) -> serde_json::Value {
-    serde_json::from_str(&fs::read_to_string(path).expect("text")).expect("JSON")
 }
 
 /// A log whose second snippet has a broken sweep: what was made before is not taken for a reconstruction, and the same
