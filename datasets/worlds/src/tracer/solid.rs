@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::motion::Pose;
-use super::shape::{Crossing, Ray, Shape, passes, span};
+use super::shape::{Ray, Shape, passes, span};
 use super::texture::Texture;
 
 /// One painted shape, placed and turned in its body.
@@ -64,11 +64,14 @@ impl<P> Solid<P> {
         let mut nearest: Option<Hit> = None;
         for (index, part) in self.parts.iter().enumerate() {
             let from = Ray { origin: ray.origin - part.position, direction: ray.direction };
+            if span(&from, part.shape.radius()).is_none() {
+                continue;
+            }
             let inner = if part.is_turned() { from.local(part.turn, DVec3::ZERO) } else { from };
-            let Some(Crossing { t, normal }) = part.shape.intersect(&inner) else { continue };
-            if nearest.is_none_or(|hit| t < hit.t) {
-                let normal = if part.is_turned() { part.turn * normal } else { normal };
-                nearest = Some(Hit { t, normal, part: index, local: inner.at(t) });
+            let Some(crossing) = part.shape.intersect(&inner) else { continue };
+            if nearest.is_none_or(|hit| crossing.t < hit.t) {
+                let normal = part.turn * crossing.normal;
+                nearest = Some(Hit { t: crossing.t, normal, part: index, local: inner.at(crossing.t) });
             }
         }
         nearest
