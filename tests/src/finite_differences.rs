@@ -9,6 +9,11 @@ use crate::tolerance::{GRADIENT_DIFFERENCES, largest, values};
 /// one, and an image jumps where a pixel crosses the alpha cut-off within the step. A wrong gradient agrees with none.
 const STEPS: [f64; 4] = [1e-5, 1e-6, 1e-4, 1e-7];
 
+/// Most of an argument's entries, as a share beyond one of them, that may need a step after the first. A gradient that
+/// is only nearly right agrees by luck at a step whose error happens to match, so the steps may not hide many. The most
+/// measured of the operations was 4 of 16, a camera's: each of its entries moves every pixel past cut-offs of alpha.
+const FURTHER: f64 = 0.25;
+
 /// Asserts that `gradient` is the derivative of `f` at `at`, for about `samples` elements spread over all of them, to
 /// [`GRADIENT_DIFFERENCES`] of its largest entry.
 #[track_caller]
@@ -19,7 +24,7 @@ pub fn assert_derivative(what: &str, at: &[f64], gradient: &[f64], samples: usiz
     let mut x = at.to_vec();
     // A stride with no factor 2 or 3 visits every column of a row-major array of 3, 4, 8 or 48 columns.
     let stride = (at.len() / samples..).find(|s| s % 2 != 0 && s % 3 != 0).expect("there are many primes");
-    let (mut entries, mut further) = (0, 0);
+    let (mut entries, mut further) = (0_u32, 0_u32);
     for i in (0..at.len()).step_by(stride) {
         let mut tried = Vec::new();
         let agreed = STEPS.iter().any(|h| {
@@ -34,13 +39,14 @@ pub fn assert_derivative(what: &str, at: &[f64], gradient: &[f64], samples: usiz
         });
         assert!(agreed, "{what}[{i}]: {}, largest {scale}; differences by step: {tried:?}", gradient[i]);
         entries += 1;
-        further += usize::from(tried.len() > 1);
+        further += u32::from(tried.len() > 1);
     }
-    println!("FURTHER {further} of {entries} {what}");
+    let most = 1.0 + FURTHER * f64::from(entries);
+    assert!(f64::from(further) <= most, "{what}: {further} of {entries} entries disagree at the first step");
 }
 
-/// [`assert_derivative`] for a function of named arguments, by each of them. `f` receives flat leaves of `place`, which it
-/// gives their shapes.
+/// [`assert_derivative`] for a function of named arguments, by each of them. `f` receives flat leaves of `place`, which
+/// it gives their shapes.
 #[track_caller]
 pub fn assert_derivatives<const N: usize>(
     what: &str,
