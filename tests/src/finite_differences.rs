@@ -10,8 +10,8 @@ use crate::tolerance::{GRADIENT_DIFFERENCES, largest, values};
 const STEPS: [f64; 4] = [1e-5, 1e-6, 1e-4, 1e-7];
 
 /// Most of an argument's entries, as a share beyond one of them, that may need a step after the first. A gradient that
-/// is only nearly right agrees by luck at a step whose error happens to match, so the steps must not hide many. The most
-/// measured was 4 of 16, a camera's: each of its entries moves every pixel past the cut-offs of alpha and of the loss.
+/// is only nearly right agrees by luck at a step whose error happens to match, so the steps may not hide many. The most
+/// measured of the operations was 4 of 16, a camera's: each of its entries moves every pixel past cut-offs of alpha.
 const FURTHER: f64 = 0.25;
 
 /// Asserts that `gradient` is the derivative of `f` at `at`, for about `samples` elements spread over all of them, to
@@ -45,8 +45,8 @@ pub fn assert_derivative(what: &str, at: &[f64], gradient: &[f64], samples: usiz
     assert!(f64::from(further) <= most, "{what}: {further} of {entries} entries disagree at the first step");
 }
 
-/// [`assert_derivative`] for a function of named arguments, by each of them. `f` receives flat leaves of `place`, which it
-/// gives their shapes.
+/// [`assert_derivative`] for a function of named arguments, by each of them. `f` receives flat leaves of `place`, which
+/// it gives their shapes.
 #[track_caller]
 pub fn assert_derivatives<const N: usize>(
     what: &str,
