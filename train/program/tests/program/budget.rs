@@ -8,23 +8,23 @@ use std::path::{Path, PathBuf};
 /// The folder of a crate, and its most lines of source: without tests, and without crates inside it.
 const SOURCE_LINES: [(&str, usize); 14] = [
     ("configs", 100),
-    ("datasets", 11_250),
+    ("datasets", 11_100),
     ("datasets/base", 1_150),
-    ("datasets/driving", 6_600),
+    ("datasets/driving", 6_400),
     ("datasets/multiview", 4_500),
-    ("datasets/splats", 3_200),
-    ("datasets/worlds", 5_250),
-    ("gs-burn", 6_750),
-    ("gs-kernels", 14_300),
-    ("models", 10_350),
-    ("tests/lab", 6_550),
+    ("datasets/splats", 3_150),
+    ("datasets/worlds", 4_700),
+    ("gs-burn", 6_600),
+    ("gs-kernels", 14_150),
+    ("models", 10_300),
+    ("tests/lab", 6_050),
     ("train", 9_500),
-    ("train/pipelines", 12_150),
-    ("train/program", 9_200),
+    ("train/pipelines", 11_900),
+    ("train/program", 8_900),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 38_300;
+const TEST_LINES: usize = 37_000;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [
