@@ -112,7 +112,8 @@ fn assert_columns(what: &str, actual: &[f64], expected: &[f64], bound: f64) {
     }
 }
 
-/// Asserts that every device follows the reference: in each argument's gradient, and in each column of that by the rows.
+/// Asserts that every device follows the reference: in each argument's gradient, and in each column of the gradient by
+/// the rows.
 #[track_caller]
 fn assert_follows_the_reference(case: &str, inputs: &Inputs, single: f64) {
     let (expected, _) = inputs.gradients(reference(), Reading::Reference);

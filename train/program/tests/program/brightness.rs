@@ -59,13 +59,13 @@ fn job(world: &Path, folder: &Path, pipeline: &str, steps: usize) -> Job {
 }
 
 /// Root mean square error of the learned factors' logarithms. A photo's factor is told from its scene only where other
-/// photos show the same surfaces: three seeds end at 2 % (4 % in the worst photo), where every other change of
-/// brightness is a change of the scene.
-const ERROR: f64 = 0.03;
+/// photos show the same surfaces: seven runs, of five worlds and three seeds, end at 2.7 to 3.5 % (5 to 7 % in the worst
+/// photo). The bound is their mean, 3.1 %, and three of their deviations of 0.3 %.
+const ERROR: f64 = 0.04;
 
-/// Of held-out photos over a scene that takes all photos to be of one brightness, dB: 1.3, 1.4 and 2.3 dB with three
-/// seeds.
-const GAIN: f64 = 0.7;
+/// Of held-out photos over a scene that takes all photos to be of one brightness, dB: 6.1 to 9.3 dB in the same runs.
+/// The bound is their mean, 7.4 dB, less three of their deviations of 1.1 dB.
+const GAIN: f64 = 4.1;
 
 #[test]
 fn brightness_is_learned_measured_reported_and_charted() {

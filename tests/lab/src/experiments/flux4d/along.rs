@@ -150,8 +150,8 @@ pub fn calibration(lab: &Lab, found: &mut Findings) -> Result<()> {
     Ok(())
 }
 
-/// The degree of motion. The sweeps show a velocity and an acceleration, so that before training the degrees 2 and 3 are
-/// degree 1 with further coefficients of zero. They are drawn to show that nothing else depends on the degree.
+/// The degree of motion. The sweeps show a velocity and an acceleration, so that before training the degrees 2 and 3
+/// are degree 1 with further coefficients of zero. They are drawn to show that nothing else depends on the degree.
 pub fn degree(lab: &Lab, found: &mut Findings) -> Result<()> {
     let set = |degree: f64, config: &mut FluxConfig| config.own.unet.degree = degree as usize;
     let outcomes = along(lab, &[0.0, 1.0, 2.0, 3.0], (Net::Untrained, lab.either(3, 1)), |_, street| street, set)?;
