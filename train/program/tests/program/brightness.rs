@@ -59,8 +59,8 @@ fn job(world: &Path, folder: &Path, pipeline: &str, steps: usize) -> Job {
 }
 
 /// Root mean square error of the learned factors' logarithms. A photo's factor is told from its scene only where other
-/// photos show the same surfaces: seven runs, of five worlds and three seeds, end at 2.7 to 3.5 % (5 to 7 % in the worst
-/// photo). The bound is their mean, 3.1 %, and three of their deviations of 0.3 %.
+/// photos show the same surfaces: seven runs, of five worlds and three seeds, end at 2.7 to 3.5 % (5 to 7 % in the
+/// worst photo). The bound is their mean, 3.1 %, and three of their deviations of 0.3 %.
 const ERROR: f64 = 0.04;
 
 /// Of held-out photos over a scene that takes all photos to be of one brightness, dB: 6.1 to 9.3 dB in the same runs.
