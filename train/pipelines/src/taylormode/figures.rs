@@ -6,7 +6,7 @@ use gs_base::median;
 use gs_burn::exposure::ExposureOptions;
 use gs_burn::{Extras, Gaussians, RenderOptions, parameter_bytes, render_with};
 use gs_datasets::{Scene, View};
-use gs_models::taylormode::blur_path::{back_project, to_world};
+use gs_models::taylormode::blur_path::{back_project, camera_velocity, to_world};
 use gs_models::taylormode::{FixedOrder, Paths, Samples, Size, Summary, TaylorMotion};
 use gs_models::{Pixels, sh_bands};
 
@@ -19,7 +19,7 @@ use gs_train::fit::figure::{Better, Figure, FigureTable, Figures};
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::{camera, mask_of, to_tensor};
 use gs_train::run::memory::megabytes;
-use gs_train::run::metrics::psnr_counted;
+use gs_train::run::metrics::{mean, psnr_counted};
 
 /// Samples of a measured blur, independent of training: enough that more change nothing visible up to about sixty
 /// pixels of motion.
@@ -76,6 +76,7 @@ pub fn figures(model: &Taylormode, gaussians: &Gaussians, scene: &Scene, views: 
         let figure = Figure::new("speed_error", "speed off by", 100.0 * error, "%").digits(1).better(Better::Lower);
         numbers.push(figure.note("median over moving surfaces").headline());
     }
+    numbers.extend(measured.network_figures(views).into_iter().map(Figure::headline));
     let exposure = model.exposure_on_host();
     // Exposures of the training photos; held-out views may have others.
     let stated = stated_exposure(&scene.train).or_else(|| stated_exposure(views));
@@ -96,6 +97,20 @@ struct Moving<'a> {
     gaussians: &'a Gaussians,
     paths: Paths,
     at: &'a Step<'a>,
+}
+
+/// The velocities of a view's pixels, each of its `P` pixels a row.
+struct Splatted {
+    /// Eq. 4, world axes, scene units per unit of time, multiplied by alpha, `[P, 3]`.
+    velocity: Tensor<2>,
+    /// The velocity that the networks make of it (Eq. 5), `[P, 3]`.
+    corrected: Tensor<2>,
+    /// `[P, 1]`, 0 to 1.
+    alpha: Tensor<2>,
+    /// Camera z, scene units, `[P, 1]`.
+    depth: Tensor<2>,
+    /// World to camera, `[4, 4]`.
+    viewmat: Tensor<2>,
 }
 
 /// The blurred image of a view over the learned exposure, by exact integration, `[H, W, 3]` from 0 to 1.
@@ -131,10 +146,9 @@ impl Moving<'_> {
         Some(psnr_counted(formed, truth, mask_of(view, &self.gaussians.device())))
     }
 
-    /// The world velocities that form the blur, at each pixel, `[H * W * 3]`, and the pixels' alpha, `[H * W]`.
-    fn velocities(&self, view: &View) -> (Vec<f32>, Vec<f32>) {
+    /// The scene as the blur's velocities are computed from it, at each pixel of a view.
+    fn splatted(&self, view: &View) -> Splatted {
         let t = view.time.unwrap_or(0.0);
-        let blur = &self.at.config.method.blur;
         let scene = self.paths.moved(self.gaussians, t);
         let camera = camera(view, &scene.device());
         let usual = self.at.facts.render_options(&self.at.config.render, 0);
@@ -142,18 +156,62 @@ impl Moving<'_> {
         let extras = Extras { features: Some(self.paths.velocities(self.gaussians.len(), t)), ..Extras::default() };
         let rendering = render_with(&scene, &camera, &options, extras);
         let pixels = Pixels::all(view.width, view.height, &scene.device());
-        let alpha = pixels.of(rendering.alpha.clone());
-        let splatted = pixels.of(rendering.features.clone().expect("features were given"));
+        let depth = pixels.of(rendering.expected_depth().expect("depth was asked for"));
+        let positions = to_world(back_project(&pixels, depth.clone(), &camera.intrinsics), &camera.viewmat);
+        let velocity = pixels.of(rendering.features.clone().expect("features were given"));
+        let at = self.paths.window.normalised(t);
+        Splatted {
+            corrected: self.model.pixel_velocity(at, || velocity.clone(), || positions),
+            velocity,
+            alpha: pixels.of(rendering.alpha),
+            depth,
+            viewmat: camera.viewmat,
+        }
+    }
+
+    /// The world velocities that form the blur, at each pixel, `[H * W * 3]`, and the pixels' alpha, `[H * W]`.
+    fn velocities(&self, view: &View) -> (Vec<f32>, Vec<f32>) {
+        let blur = &self.at.config.method.blur;
+        let Splatted { velocity, corrected, alpha, .. } = self.splatted(view);
         let seen = alpha.clone().clamp_min(f32::MIN_POSITIVE);
-        let found = if blur.mode == BlurMode::Warp {
-            let depth = || pixels.of(rendering.expected_depth().expect("depth was asked for"));
-            let positions = || to_world(back_project(&pixels, depth(), &camera.intrinsics), &camera.viewmat);
-            let found = self.model.pixel_velocity(self.paths.window.normalised(t), || splatted, positions);
-            if blur.velocity == VelocitySource::Taylor { found / seen } else { found }
-        } else {
-            splatted / seen
+        let found = match (blur.mode, blur.velocity) {
+            (BlurMode::Warp, VelocitySource::Network) => corrected,
+            (BlurMode::Warp, VelocitySource::Taylor) => corrected / seen,
+            _ => velocity / seen,
         };
         (to_host(found), to_host(alpha))
+    }
+
+    /// What the networks of the warp add, over the pixels whose splatted velocity `V` is not small: the mean length of
+    /// the remainder of Eq. 5 as a share of the mean length of `V`, and the mean distance of a weight of Eq. 11 from
+    /// `1 / N` as a share of `1 / N`.
+    fn network_figures(&self, views: &[View]) -> Vec<Figure> {
+        let (mut remainder, mut speed, mut apart) = (Vec::new(), Vec::new(), Vec::new());
+        for view in views.iter().filter(|_| self.model.peano.is_some() || self.model.weights.is_some()) {
+            let at = self.splatted(view);
+            let (splatted, corrected) = (to_host(at.velocity), to_host(at.corrected.clone()));
+            let speeds: Vec<f64> = splatted.as_chunks().0.iter().map(|v| length(*v)).collect();
+            let fastest = speeds.iter().copied().fold(0.0, f64::max);
+            let moving: Vec<usize> = (0..speeds.len()).filter(|at| speeds[*at] > SPEED_SHARE * fastest).collect();
+            let added = splatted.as_chunks::<3>().0.iter().zip(corrected.as_chunks::<3>().0);
+            let added: Vec<f64> = added.map(|(a, b)| length([b[0] - a[0], b[1] - a[1], b[2] - a[2]])).collect();
+            remainder.extend(moving.iter().map(|at| added[*at]));
+            speed.extend(moving.iter().map(|at| speeds[*at]));
+            if let Some(network) = &self.model.weights {
+                let samples = network.samples();
+                let weights = to_host(network.forward(at.depth, camera_velocity(at.corrected, &at.viewmat)));
+                let weights = moving.iter().flat_map(|at| &weights[at * samples..(at + 1) * samples]);
+                apart.extend(weights.map(|weight| (f64::from(*weight) * samples as f64 - 1.0).abs()));
+            }
+        }
+        let share = |key: &str, name: &str, value: f64| Figure::new(key, name, 100.0 * value, "%").digits(1);
+        let remainder = self.model.peano.as_ref().and(mean(&remainder)).zip(mean(&speed));
+        let remainder =
+            remainder.map(|(added, speed)| share("peano_share", "Peano remainder of the velocity", added / speed));
+        remainder
+            .into_iter()
+            .chain(mean(&apart).map(|apart| share("weights_apart", "weights off 1/N by", apart)))
+            .collect()
     }
 
     /// Angles in degrees and relative speed errors, over the pixels of moving surfaces.
