@@ -148,14 +148,16 @@ impl Formation<'_> {
         let (blur, prior) = (&self.config.method.blur, &self.config.method.prior);
         let photo = self.photo;
         let centre = self.centre(screen.clone());
-        let mut loss = self.add_depth(self.sharp_loss(&centre), &centre);
-        let finished =
-            |color: Tensor<3>, loss: Tensor<1>| Formed { color, loss, drawn: Drawn::of(&centre, screen.as_ref()) };
+        let finished = |color: Tensor<3>, loss: Tensor<1>| Formed {
+            color,
+            loss: self.add_depth(loss, &centre),
+            drawn: Drawn::of(&centre, screen.as_ref()),
+        };
         let all = Pixels::all(photo.camera.width, photo.camera.height, &self.gaussians.device());
         let pixels = match &photo.extra.compared {
             ComparedPixels::All => &all,
             ComparedPixels::Some(pixels) => pixels,
-            ComparedPixels::None => return finished(centre.color.clone(), loss),
+            ComparedPixels::None => return finished(centre.color.clone(), self.sharp_loss(&centre)),
         };
         let count = photo.camera.width * photo.camera.height;
 
@@ -173,8 +175,15 @@ impl Formation<'_> {
         };
         let mixing = if blur.linear { Mixing::Linear } else { Mixing::Encoded };
         let blurred = blurred_color(sharp, path, weights.clone(), mixing);
+        let formed = pixels.paste(blurred.clone(), centre.color.clone());
 
-        loss = loss + losses::blur_loss(blurred.clone(), pixels.of(photo.image.clone()), count) * prior.blur;
+        // Photos without a pseudo-sharp one show moving parts blurred, so Eq. 14 compares the blurred rendering there.
+        let target = if self.lacks_pseudo_sharp() {
+            self.photometric(formed.clone(), photo.image.clone(), None) * prior.sharp
+        } else {
+            self.sharp_loss(&centre)
+        };
+        let mut loss = target + losses::blur_loss(blurred.clone(), pixels.of(photo.image.clone()), count) * prior.blur;
         if let Some(weights) = weights.filter(|_| prior.smooth > 0.0) {
             loss = loss + losses::smoothness_loss(weights, count) * prior.smooth;
         }
@@ -183,7 +192,7 @@ impl Formation<'_> {
             let guide = camera_velocity(guide, &photo.camera.viewmat);
             loss = loss + losses::velocity_loss(velocity, guide, count) * prior.velocity;
         }
-        finished(pixels.paste(blurred, centre.color.clone()), loss)
+        finished(formed, loss)
     }
 
     /// Hybrid depth (Eq. 6): the prior, aligned to the rendered depth, and the rendered depth.
@@ -300,6 +309,12 @@ impl Formation<'_> {
             (region, mask) => region.or(mask),
         };
         photometric(color, truth, region, &self.config.loss)
+    }
+
+    /// Whether the pseudo-sharp photo of Eq. 13 is used and not given.
+    fn lacks_pseudo_sharp(&self) -> bool {
+        let extra = &self.photo.extra;
+        self.config.method.prior.pseudo && extra.sharp.is_none() && extra.moving.is_some()
     }
 
     /// Adds the depth term of Eq. 16.
