@@ -29,11 +29,25 @@ impl CameraAxis {
 
     /// The direction in OpenCV axes (x right, y down, z forward).
     fn direction(self) -> DVec3 {
-        [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z][self as usize]
+        match self {
+            Self::Right => DVec3::X,
+            Self::Left => DVec3::NEG_X,
+            Self::Down => DVec3::Y,
+            Self::Up => DVec3::NEG_Y,
+            Self::Forward => DVec3::Z,
+            Self::Back => DVec3::NEG_Z,
+        }
     }
 
     fn name(self) -> &'static str {
-        ["right", "left", "down", "up", "forward", "back"][self as usize]
+        match self {
+            Self::Right => "right",
+            Self::Left => "left",
+            Self::Down => "down",
+            Self::Up => "up",
+            Self::Forward => "forward",
+            Self::Back => "back",
+        }
     }
 }
 

@@ -26,7 +26,7 @@ impl Findings {
         Self { lenient: true, ..Self::default() }
     }
 
-    /// Refuses a scene without frames, of which was `found` what is there instead; a lenient reader goes on.
+    /// Refuses a scene without frames; `found` says what is there instead. A lenient reader goes on.
     pub fn need_frames(
         &self,
         frames: &[RawFrame],

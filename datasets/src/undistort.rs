@@ -31,7 +31,8 @@ pub struct Undistortion {
 }
 
 impl Undistortion {
-    /// For a photo of `size` pixels with these intrinsics; `None` when there is nothing to undo.
+    /// For a photo of `size` pixels with these intrinsics; `None` when there is nothing to undo, or the
+    /// ideal image has no end.
     pub(crate) fn new(distortion: Distortion, intrinsics: Intrinsics, size: (usize, usize)) -> Option<Self> {
         if distortion.is_none() { None } else { Self::of(distortion, intrinsics, size) }
     }

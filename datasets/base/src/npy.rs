@@ -160,7 +160,7 @@ impl Number {
         known.then_some(Self { kind: *kind, bytes, big_endian: descr.starts_with('>') })
     }
 
-    /// The same numbers, the highest byte first.
+    /// Reads the highest byte first from now on.
     pub fn set_big_endian(&mut self) {
         self.big_endian = true;
     }

@@ -120,7 +120,7 @@ fn fill(
     Ok(())
 }
 
-/// Where the description lies.
+/// The sentence about the place of the description.
 fn place(layout: &Layout) -> String {
     let all = |files: Vec<&Path>| files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ");
     match layout {

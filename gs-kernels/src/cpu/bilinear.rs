@@ -127,7 +127,8 @@ pub fn by_image<F: Real>([height, width]: [usize; 2], channels: usize, positions
     }
     let rows: Vec<u32> =
         positions.par_chunks_exact(2).map(|position| Axis::at(position[1], height).first as u32).collect();
-    let lookups = SegmentLists::new(rows, height, 0..count as u32).expect("a patch begins in a row of the image");
+    let all = 0..u32::try_from(count).expect("at most 2^32 - 1 lookups");
+    let lookups = SegmentLists::new(rows, height, all).expect("a patch begins in a row of the image");
     out.par_chunks_exact_mut(width * channels).enumerate().for_each(|(row, out)| {
         // Patches whose next row this is, then those that begin in it; in an image of one row both are the same patch.
         for first in row.saturating_sub(1)..=row {

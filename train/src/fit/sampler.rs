@@ -24,7 +24,7 @@ pub struct Sampler {
 impl Sampler {
     /// A sampler over `count` items, at least one, by the streams of `purpose`.
     pub fn new(purpose: Purpose, seed: u64, count: usize) -> Self {
-        assert!(count > 0, "a scene without training views is refused when it is loaded");
+        assert!(count > 0, "there is something to draw from");
         Self { purpose, seed, count, epoch: None, order: (0..count).collect() }
     }
 

@@ -57,7 +57,7 @@ fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().map(|(i, line)| (i + 1, line)).filter(|(_, line)| !line.trim_start().starts_with('#'))
 }
 
-/// What each line with text of a file says.
+/// Reads each line with text of a file.
 fn each_line<T>(path: &Path, read: impl Fn(Line) -> Result<T, DatasetError>) -> Result<Vec<T>, DatasetError> {
     let text = guarded::read_to_string(path, guarded::MODEL_MAX)?;
     let lines = lines(&text).filter(|(_, line)| !line.trim().is_empty());

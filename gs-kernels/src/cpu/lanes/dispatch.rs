@@ -7,19 +7,34 @@ use super::portable::Portable;
 use super::{avx2, avx512};
 use crate::cpu::real::{LaneTask, Number, Real};
 
+/// Whether this processor has all features that `avx2` is compiled with.
+#[cfg(target_arch = "x86_64")]
+fn has_avx2() -> bool {
+    is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("bmi1")
+        && is_x86_feature_detected!("bmi2")
+}
+
+/// Whether this processor has all features that `avx512` is compiled with.
+#[cfg(target_arch = "x86_64")]
+fn has_avx512() -> bool {
+    has_avx2()
+        && is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vl")
+}
+
 /// Runs `task` with the best `f32` lanes of this processor.
 fn with_f32_lanes<T: LaneTask<f32>>(task: T) -> T::Output {
     #[cfg(target_arch = "x86_64")]
     {
         // The standard library caches the detection; a call costs one load.
-        if is_x86_feature_detected!("avx512f")
-            && is_x86_feature_detected!("avx512dq")
-            && is_x86_feature_detected!("avx512vl")
-        {
+        if has_avx512() {
             // SAFETY: the features were just detected.
             return unsafe { avx512::run(task) };
         }
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        if has_avx2() {
             // SAFETY: the features were just detected.
             return unsafe { avx2::run(task) };
         }
@@ -38,7 +53,7 @@ fn with_f32_lanes<T: LaneTask<f32>>(task: T) -> T::Output {
 /// fallback gives the same bits, thirty times slower).
 fn with_f64_lanes<T: LaneTask<f64>>(task: T) -> T::Output {
     #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+    if has_avx2() {
         // SAFETY: the features were just detected.
         return unsafe { avx2::run_f64(task) };
     }
@@ -142,7 +157,7 @@ mod tests {
         let portable = Probe.run::<Portable<f32>>();
         assert_eq!(with_f32_lanes(Probe), portable);
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        if has_avx2() {
             // SAFETY: the features were just detected.
             assert_eq!(unsafe { avx2::run(Probe) }, portable);
         }
@@ -163,7 +178,7 @@ mod tests {
         let [together, alone] = with_f32_lanes(Sums);
         assert_eq!(together, alone);
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        if has_avx2() {
             // SAFETY: the features were just detected.
             let [together, alone] = unsafe { avx2::run(Sums) };
             assert_eq!(together, alone);

@@ -1,8 +1,8 @@
 //! Sixteen numbers at once: a block of 4 x 4 pixels, or sixteen Gaussians.
 //!
-//! One trait, one implementation per vector unit, chosen at run time. Every implementation rounds the same operations
-//! in the same order (fused multiply-add, the same exponential polynomial, the same summation tree), so all give the
-//! same bits.
+//! Implementations of [`Lanes`](crate::cpu::real::Lanes), one per vector unit, chosen at run time. Each rounds the same
+//! operations in the same order (fused multiply-add, the same exponential polynomial, the same summation tree), so all
+//! give the same bits.
 
 mod dispatch;
 mod portable;

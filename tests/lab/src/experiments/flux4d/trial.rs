@@ -46,7 +46,7 @@ pub struct Seen {
     pub seconds: f64,
 }
 
-/// Applies the network that ships with the program to the one snippet of a street.
+/// Applies a network to the one snippet of a street.
 pub fn seen(lab: &Lab, street: &Path, SavedNetwork { network, config, .. }: &SavedNetwork) -> Result<Seen> {
     go_on()?;
     let log = open(street, &config.own.logs)?;
