@@ -156,6 +156,15 @@ fn tiles_are_those_of_each_instant_to_the_bit() {
 }
 
 #[test]
+fn few_movers_leave_most_tiles_alone() {
+    let case = Case::<f32>::new(300, 100, 6, 0.02);
+    let (grid, tiles) = (case.shares.grid(), case.shares.tiles());
+    assert!(tiles > grid && tiles < 3 * grid, "{tiles} tiles drawn for a grid of {grid} at 6 instants");
+    let untouched = (0..grid).filter(|&tile| case.extras(tile).is_empty()).count();
+    assert!(untouched > grid / 2, "{untouched} of {grid} tiles are drawn once");
+}
+
+#[test]
 fn lists_agree_with_each_other() {
     let Case { lists, shares, table, .. } = Case::<f32>::new(300, 7, 5, 0.05);
     assert_eq!(lists.places.len(), shares.tiles());

@@ -1,9 +1,9 @@
 //! `gs_burn::ops::channels`.
 
 use gs_burn::ops::channels::channels;
-use gs_tests::devices::everywhere;
+use gs_tests::devices::{doubles, everywhere};
 use gs_tests::scenes::Random;
-use gs_tests::tolerance::values;
+use gs_tests::tolerance::{assert_same_gradients, gradient_of, values};
 
 /// A selection hands the gradient back where it came from; two selections of one image add up.
 #[test]
@@ -22,5 +22,16 @@ fn gradient_lands_in_its_channels() {
         let expected: Vec<f64> =
             weights.iter().enumerate().map(|(i, w)| w * [0.0, 1.0, 1.0, 2.0, 1.0][i % 5]).collect();
         assert_eq!(values(&leaf.grad(&gradients).expect("the image is tracked")), expected, "{}", place.name);
+    }
+}
+
+#[test]
+fn channels_are_those_narrowed_to() {
+    for place in doubles() {
+        for (first, count) in [(0, 3), (4, 1), (1, 4), (0, 5)] {
+            let image = Random::new(13).leaf(place, [7, 6, 5], -1.0, 1.0);
+            let [actual, expected] = [channels(image.clone(), first, count), image.clone().narrow(2, first, count)];
+            assert_same_gradients(actual, expected, &[("image", gradient_of(&image))]);
+        }
     }
 }

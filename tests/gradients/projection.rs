@@ -4,7 +4,8 @@ use burn::tensor::Tensor;
 use gs_burn::ops::projection::{ProjectionConfig, project, project_reference};
 use gs_kernels::rows::{PROJECTED, ProjectedRow};
 use gs_tests::devices::{Place, bounded, doubles, reference, singles};
-use gs_tests::scenes::{Leaves, Random, Scene, assert_gradients};
+use gs_tests::finite_differences::Course;
+use gs_tests::scenes::{COLUMNS, IDENTITY, Leaves, Random, Scene, assert_gradients};
 use gs_tests::tolerance::{GRADIENT_F32, GRADIENT_F64, HARD_GRADIENT_F32};
 
 type Project = fn(Tensor<2>, Tensor<2>, Tensor<2>, Tensor<2>, &ProjectionConfig) -> Tensor<2>;
@@ -49,7 +50,8 @@ fn scenes() -> [(&'static str, Scene); 3] {
 fn doubles_are_the_central_differences() {
     for place in doubles() {
         for (case, scene) in scenes() {
-            scene.assert_derivatives(case, place, &DEPENDS_ON, 100, |leaves| sum(&scene, leaves, place, project));
+            let sum = |leaves: &Leaves| sum(&scene, leaves, place, project);
+            scene.assert_derivatives(case, Course::Smooth, place, &DEPENDS_ON, 100, sum);
         }
     }
 }
@@ -61,6 +63,31 @@ fn every_device_follows_the_reference() {
         for (place, bound) in bounded(GRADIENT_F64, GRADIENT_F32) {
             let actual = gradients(&scene, place, project);
             assert_gradients(&format!("{case} on {}", place.name), &DEPENDS_ON, &actual, &expected, bound);
+        }
+    }
+}
+
+/// What is culled, for whatever reason, gets exactly zero, and adds nothing to the pose's gradient.
+#[test]
+fn what_is_culled_gets_nothing() {
+    const CULLED: usize = 8;
+    let mut scene = Scene::random(CULLED + 1, 3);
+    scene.viewmat = IDENTITY.to_vec();
+    // Behind the camera, before the near plane, no number, off screen.
+    let near = 0.5 * scene.config.near;
+    scene.means[..12].copy_from_slice(&[0.0, 0.0, -1.0, 0.0, 0.0, near, 0.0, 0.0, f64::NAN, 100.0, 0.0, 2.0]);
+    scene.quats[4 * 4..5 * 4].fill(0.0);
+    scene.quats[5 * 4] = f64::INFINITY;
+    scene.log_scales[6 * 3..7 * 3].fill(300.0);
+    scene.log_scales[7 * 3] = f64::NAN;
+    let expected = gradients(&scene, reference(), project_reference);
+    for (place, bound) in bounded(GRADIENT_F64, GRADIENT_F32) {
+        let actual = gradients(&scene, place, project);
+        assert_gradients(&format!("on {}", place.name), &DEPENDS_ON, &actual, &expected, bound);
+        for (k, columns) in COLUMNS.into_iter().enumerate().take(3) {
+            for (i, gradient) in actual[k].chunks(columns).take(CULLED).enumerate() {
+                assert!(gradient.iter().all(|g| *g == 0.0), "group {k} of {i} on {}: {gradient:?}", place.name);
+            }
         }
     }
 }

@@ -5,7 +5,7 @@ use gs_burn::ops::intersect::intersect;
 use gs_burn::ops::rasterize::{RasterizeConfig, rasterize, rasterize_reference};
 use gs_kernels::rows::{PROJECTED, ProjectedRow, SCREEN};
 use gs_tests::cutoff::{SHARE, SHARE_IN_STACKS, undecided_pixels, without};
-use gs_tests::devices::{Place, bounded, doubles, reference};
+use gs_tests::devices::{Place, bounded, doubles, everywhere, reference};
 use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::{Random, Reading, Scene};
 use gs_tests::tolerance::{
@@ -47,24 +47,28 @@ impl Inputs {
         self
     }
 
-    /// The weighted output's sum, of flat arguments in the order of [`NAMES`].
-    fn sum(
+    /// The image of flat arguments in the order of [`NAMES`].
+    fn image(
         &self,
         [rows, opacities, features, background]: [Tensor<1>; 4],
         screen: Option<Tensor<2>>,
-        place: &Place,
         reading: Reading,
-    ) -> Tensor<1> {
+    ) -> Tensor<3> {
         let (width, height) = (self.config.width as usize, self.config.height as usize);
         let rows = rows.reshape([-1, PROJECTED as i32]);
         let features = features.reshape([-1, self.config.channels as i32]);
-        let image = match reading {
+        match reading {
             Reading::Kernels => {
                 let lists = intersect(rows.clone(), opacities.clone(), features.clone(), width, height);
                 rasterize(rows, opacities, features, background, screen, &lists, &self.config)
             }
             Reading::Reference => rasterize_reference(rows, opacities, features, background, screen, &self.config),
-        };
+        }
+    }
+
+    /// The weighted image's sum.
+    fn sum(&self, arguments: [Tensor<1>; 4], screen: Option<Tensor<2>>, place: &Place, reading: Reading) -> Tensor<1> {
+        let image = self.image(arguments, screen, reading);
         let weights = place.tensor(&self.weights, image.dims()).autodiff();
         (image * weights).sum()
     }
@@ -153,6 +157,18 @@ fn absolute_screen_gradient_sums_pixels() {
         // The signed half is the gradient by the mean; both come from the same sum.
         let means: Vec<f64> = gradients[0].chunks(PROJECTED).flat_map(|row| ProjectedRow::read(row, 0).mean).collect();
         assert_near(&format!("signed screen on {}", place.name), &gradients[SIGNED_SCREEN], &means, 0.0);
+    }
+}
+
+#[test]
+fn an_untracked_screen_is_optional() {
+    let inputs = Inputs::random(20, 3, true, 7);
+    for place in everywhere() {
+        let leaves = inputs.arguments.each_ref().map(|values| place.leaf(values, [values.len()]));
+        let screen = place.leaf(&[0.0; 20 * SCREEN], [20, SCREEN]);
+        let [without, with] =
+            [None, Some(screen)].map(|screen| values(&inputs.image(leaves.clone(), screen, Reading::Kernels)));
+        assert!(largest(&without) > 0.0 && without == with, "{}", place.name);
     }
 }
 

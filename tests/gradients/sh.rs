@@ -4,7 +4,8 @@ use burn::tensor::Tensor;
 use gs_burn::ops::sh::{sh_colors, sh_colors_reference};
 use gs_kernels::rows::PROJECTED;
 use gs_tests::devices::{Place, bounded, doubles, reference};
-use gs_tests::scenes::{Leaves, Random, Scene, assert_gradients};
+use gs_tests::finite_differences::Course;
+use gs_tests::scenes::{COLUMNS, Leaves, Random, Scene, assert_gradients};
 use gs_tests::tolerance::{GRADIENT_F32, GRADIENT_F64};
 
 const COUNT: usize = 30;
@@ -35,7 +36,8 @@ fn doubles_are_the_central_differences() {
     for place in doubles() {
         for degree in 0..=3 {
             let sum = |leaves: &Leaves| sum(leaves, &rows, [degree, 16], place, sh_colors);
-            scene.assert_derivatives(&format!("degree {degree}"), place, depends_on(degree), 200, sum);
+            let what = format!("degree {degree}");
+            scene.assert_derivatives(&what, Course::Smooth, place, depends_on(degree), 200, sum);
         }
     }
 }
@@ -54,6 +56,27 @@ fn every_device_follows_the_reference() {
         for (place, bound) in bounded(GRADIENT_F64, GRADIENT_F32) {
             let what = format!("degree {degree} of {stored} coefficients on {}", place.name);
             assert_gradients(&what, depends_on(degree), &gradients(place, sh_colors), &expected, bound);
+        }
+    }
+}
+
+/// A culled Gaussian, and one with a coefficient that is no number, get exactly zero.
+#[test]
+fn what_is_not_drawn_gets_nothing() {
+    let mut scene = Scene::random(COUNT, 6);
+    let mut rows = scene.reference_rows();
+    rows[..PROJECTED].fill(0.0);
+    scene.sh[COLUMNS[SH] + 5] = f64::NAN;
+    let gradients = |place: &Place, sh_colors: ShColors| {
+        let leaves = scene.leaves(place);
+        leaves.gradients(&sum(&leaves, &rows, [3, 16], place, sh_colors).backward())
+    };
+    let expected = gradients(reference(), sh_colors_reference);
+    for (place, bound) in bounded(GRADIENT_F64, GRADIENT_F32) {
+        let actual = gradients(place, sh_colors);
+        assert_gradients(&format!("on {}", place.name), depends_on(3), &actual, &expected, bound);
+        for k in [MEANS, SH] {
+            assert!(actual[k][..2 * COLUMNS[k]].iter().all(|g| *g == 0.0), "group {k} on {}", place.name);
         }
     }
 }

@@ -3,7 +3,7 @@
 use gs_burn::ops::segments::{Segments, segment_mean, take_rows};
 use gs_burn::ops::sparse_conv::{KernelMap, sparse_conv};
 use gs_tests::devices::doubles;
-use gs_tests::finite_differences::assert_derivatives;
+use gs_tests::finite_differences::{Course, assert_course_derivatives};
 use gs_tests::scenes::Random;
 use gs_tests::sparse::surface;
 
@@ -19,7 +19,7 @@ fn convolutions_are_the_central_differences() {
                 let input = Random::new(1).values(map.inputs() * wide_in, -1.0, 1.0);
                 let weights = Random::new(2).values(shape.iter().product(), -0.2, 0.2);
                 let arguments: [(&str, &[f64]); 2] = [("input", &input), ("weights", &weights)];
-                assert_derivatives("convolution", place, arguments, 60, |[input, weights]| {
+                assert_course_derivatives("convolution", Course::Smooth, place, arguments, 60, |[input, weights]| {
                     let input = input.reshape([map.inputs(), wide_in]);
                     sparse_conv(input, weights.reshape(shape), &map).square().mean()
                 });
@@ -36,7 +36,7 @@ fn segments_are_the_central_differences() {
         let points = Random::new(1).values(90 * 3, -1.0, 1.0);
         let voxels = Random::new(2).values(20 * 3, -1.0, 1.0);
         let arguments: [(&str, &[f64]); 2] = [("points", &points), ("voxels", &voxels)];
-        assert_derivatives("segments", place, arguments, 60, |[points, voxels]| {
+        assert_course_derivatives("segments", Course::Smooth, place, arguments, 60, |[points, voxels]| {
             let (points, voxels) = (points.reshape([90, 3]), voxels.reshape([20, 3]));
             let sum = segment_mean(points, &segments) * voxels.clone();
             sum.square().mean() + take_rows(voxels, &segments).square().mean()

@@ -5,7 +5,7 @@ use gs_burn::{Rendering, render};
 use gs_kernels::constants::ALPHA_MIN;
 use gs_tests::cutoff::{SHARE, without};
 use gs_tests::devices::{Place, doubles, everywhere, reference, singles};
-use gs_tests::scenes::{IDENTITY, Reading, Scene};
+use gs_tests::scenes::{IDENTITY, Leaves, Reading, Scene};
 use gs_tests::tolerance::{
     FORWARD_F32, FORWARD_F64, HARD_FORWARD_F32, assert_image, assert_near, assert_near_scaled, values,
 };
@@ -16,12 +16,17 @@ const CHANNELS: usize = 5;
 /// The place of depth among them.
 const DEPTH: usize = 3;
 
+fn rendering(scene: &Scene, leaves: &Leaves) -> Rendering {
+    render(&leaves.gaussians(), &scene.camera(leaves.viewmat.clone()), &scene.options(true))
+}
+
 /// The image with depth and alpha as one tensor `[H, W, 5]`, as the rasterizer writes it.
+fn stacked(Rendering { color, alpha, depth, .. }: Rendering) -> Tensor<3> {
+    Tensor::cat(vec![color, depth.expect("depth was asked for"), alpha], 2)
+}
+
 fn image(scene: &Scene, place: &Place) -> Vec<f64> {
-    let leaves = scene.leaves(place);
-    let Rendering { color, alpha, depth, .. } =
-        render(&leaves.gaussians(), &scene.camera(leaves.viewmat.clone()), &scene.options(true));
-    values(&Tensor::cat(vec![color, depth.expect("depth was asked for"), alpha], 2))
+    values(&stacked(rendering(scene, &scene.leaves(place))))
 }
 
 /// In single precision to `bound`, without the pixels at a cut-off.
@@ -69,8 +74,7 @@ fn one_gaussian_by_hand() {
 fn expected_depth_is_the_depth_of_what_is_there() {
     for place in everywhere() {
         let scene = one();
-        let leaves = scene.leaves(place);
-        let rendering = render(&leaves.gaussians(), &scene.camera(leaves.viewmat.clone()), &scene.options(true));
+        let rendering = rendering(&scene, &scene.leaves(place));
         let (depth, alpha) = (values(&rendering.expected_depth().unwrap()), values(&rendering.alpha));
         let expected: Vec<f64> = alpha.iter().map(|alpha| if *alpha > 0.0 { 2.0 } else { 0.0 }).collect();
         // Alpha is 1 - T and rounded as T is, by 2^-24; that is a share of the faintest alpha. Depth is rounded as
@@ -122,13 +126,23 @@ fn nothing_shows_the_background() {
     for place in everywhere() {
         for [width, height] in [[1, 1], [17, 1], [53, 37]] {
             let empty = Scene::random(0, 1).resized(width, height);
-            let mut behind = Scene::random(5, 1).resized(width, height);
-            behind.means.chunks_mut(3).for_each(|mean| mean[2] = -3.0);
-            for scene in [empty, behind] {
-                let image = image(&scene, place);
+            // Behind the camera, off screen, before the near plane.
+            let mut hidden = Scene::random(3, 1).resized(width, height);
+            hidden.viewmat = IDENTITY.to_vec();
+            hidden.config.near = 1.0;
+            hidden.means = vec![0.0, 0.0, -1.0, 50.0, 0.0, 2.0, 0.0, 0.0, 0.1];
+            for scene in [empty, hidden] {
+                let what = format!("{} Gaussians, {width}x{height} on {}", scene.count(), place.name);
+                let leaves = scene.leaves(place);
+                let rendering = rendering(&scene, &leaves);
+                assert_eq!(rendering.intersections.get(), 0, "{what}");
+                assert_eq!(values(&rendering.radii()), vec![0.0; scene.count()], "{what}");
+                let image = stacked(rendering);
                 let pixel = [0.25, 0.5, 0.75, 0.0, 0.0];
                 let expected = pixel.repeat((width * height) as usize);
-                assert_near(&format!("{width}x{height} on {}", place.name), &image, &expected, 0.0);
+                assert_near(&what, &values(&image), &expected, 0.0);
+                let gradients = leaves.gradients(&image.sum().backward());
+                assert!(gradients.iter().flatten().all(|g| *g == 0.0), "gradients of {what}");
             }
         }
     }

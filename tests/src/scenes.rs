@@ -11,7 +11,7 @@ use gs_kernels::rows::{PROJECTED, ProjectedRow};
 
 use crate::cutoff::undecided_pixels;
 use crate::devices::{Place, reference};
-use crate::finite_differences::assert_derivative;
+use crate::finite_differences::{Course, assert_course_derivative};
 use crate::tolerance::{assert_gradient, values};
 
 #[path = "../../gs-kernels/tests/scenes/mod.rs"]
@@ -187,11 +187,12 @@ impl Scene {
         self.opacity_logits.iter().map(|x| 1.0 / (1.0 + (-x).exp())).collect()
     }
 
-    /// Asserts that the gradient of `f` by each of the groups `by` is its derivative, see [`assert_derivative`].
+    /// Asserts that the gradient of `f` by each of the groups `by` is its derivative, see [`assert_course_derivative`].
     #[track_caller]
     pub fn assert_derivatives(
         &self,
         what: &str,
+        course: Course,
         place: &Place,
         by: &[usize],
         samples: usize,
@@ -201,7 +202,7 @@ impl Scene {
         let gradients = leaves.gradients(&f(&leaves).backward());
         for &k in by {
             let what = format!("{}, {what} on {}", GROUPS[k], place.name);
-            assert_derivative(&what, self.groups()[k], &gradients[k], samples, |x| {
+            assert_course_derivative(&what, course, self.groups()[k], &gradients[k], samples, |x| {
                 let mut moved = self.clone();
                 moved.groups_mut()[k].copy_from_slice(x);
                 values(&f(&moved.leaves(place)))[0]

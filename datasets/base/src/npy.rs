@@ -231,7 +231,7 @@ fn to_c_order(values: &[f64], shape: &[usize]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::{read, write_npy};
+    use super::{Number, read, write_npy};
 
     #[test]
     fn what_is_written_is_read_again() {
@@ -244,6 +244,52 @@ mod tests {
             assert_eq!(array.shape, [count, 3]);
             let values: Vec<f64> = rows.iter().flatten().map(|value| f64::from(*value)).collect();
             assert_eq!(array.values, values);
+        }
+    }
+
+    fn number(descr: &str, bytes: &[u8]) -> f64 {
+        Number::parse(descr).expect("a plain number type").read(bytes)
+    }
+
+    #[test]
+    fn halves_by_hand() {
+        let half = |bits: u16| {
+            let value = number("<f2", &bits.to_le_bytes());
+            assert_eq!(number(">f2", &bits.to_be_bytes()).to_bits(), value.to_bits(), "{bits:#x} in either order");
+            value
+        };
+        assert_eq!(
+            [0x3c00, 0xc000, 0x3555, 0x0001, 0x8001, 0x7bff, 0x7c00, 0xfc00].map(half),
+            [
+                1.0,
+                -2.0,
+                0.333_251_953_125,
+                2f64.powi(-24),
+                -(2f64.powi(-24)),
+                65504.0,
+                f64::INFINITY,
+                f64::NEG_INFINITY
+            ]
+        );
+        assert!(half(0x7e00).is_nan());
+    }
+
+    #[test]
+    fn integers_by_hand() {
+        let cases: [(&str, &[u8], f64); 10] = [
+            ("|i1", &[0x80], -128.0),
+            ("|u1", &[0x80], 128.0),
+            ("|b1", &[1], 1.0),
+            ("<i2", &[0xfe, 0xff], -2.0),
+            (">i2", &[0xff, 0xfe], -2.0),
+            (">u2", &[0xff, 0xfe], 65534.0),
+            (">i4", &[0x80, 0, 0, 1], -2_147_483_647.0),
+            (">u4", &[0x80, 0, 0, 1], 2_147_483_649.0),
+            (">i8", &[0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xfd], -3.0),
+            (">f4", &[0xc0, 0x20, 0, 0], -2.5),
+        ];
+        for (descr, bytes, expected) in cases {
+            assert_eq!(number(descr, bytes), expected, "{descr}");
         }
     }
 }

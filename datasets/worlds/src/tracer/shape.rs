@@ -263,8 +263,10 @@ mod tests {
             assert!((crossing.t - expected).abs() < 1e-12 && crossing.normal.x < -0.9, "{shape:?}: {crossing:?}");
             assert!(shape.intersect(&Ray { direction: -DVec3::X, ..ray }).is_none(), "behind: {shape:?}");
         }
+        let inside = Ray { origin: DVec3::new(0.1, 0.1, 0.1), ..ray };
+        let far = Shape::Sphere { radius: 1.0 }.intersect(&inside).expect("the far side");
+        assert!((far.t - (0.98_f64.sqrt() - 0.1)).abs() < 1e-12 && far.normal.x > 0.9, "from inside: {far:?}");
         for shape in [Shape::Cuboid { half: DVec3::ONE }, column] {
-            let inside = Ray { origin: DVec3::new(0.1, 0.1, 0.1), ..ray };
             assert!(shape.intersect(&inside).is_none(), "from inside: {shape:?}");
         }
         let down = Ray { origin: DVec3::new(0.3, 0.0, 4.0), direction: -DVec3::Z };
