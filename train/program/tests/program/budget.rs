@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// The folder of a crate, and its most lines of source: without tests, and without crates inside it.
 const SOURCE_LINES: [(&str, usize); 14] = [
     ("configs", 100),
-    ("datasets", 11_100),
+    ("datasets", 11_150),
     ("datasets/base", 1_150),
     ("datasets/driving", 6_400),
     ("datasets/multiview", 4_500),
@@ -19,7 +19,7 @@ const SOURCE_LINES: [(&str, usize); 14] = [
     ("models", 10_300),
     ("tests/lab", 6_050),
     ("train", 9_500),
-    ("train/pipelines", 11_900),
+    ("train/pipelines", 11_950),
     ("train/program", 8_900),
 ];
 
