@@ -19,7 +19,7 @@ use gs_worlds::driving::{StreetOptions, write};
 use self::reconstruct::{best_of_one_opacity, reconstructs};
 use crate::common::program::{fails, says, succeeds};
 use crate::common::streets::{SMALL, job, small_street, streets};
-use crate::common::{self, read_json};
+use crate::common;
 
 fn failure(job: &Job) -> String {
     format!("{:#}", common::train(job).map(|_| ()).expect_err("refused"))
@@ -127,7 +127,7 @@ fn the_memory_of_a_network_is_foretold() {
         let set = format!("lift.points={points}");
         let args = ["train", "streets", "--recipe", "flux4d/base", "--steps", "2", "--set", &set, "--out", &out];
         succeeds(folder, &[&args[..], &["--device", "flex", "--quiet"]].concat());
-        let eval = read_json(&folder.join(&out).join("eval.json"));
+        let eval = common::read_json(&folder.join(&out).join("eval.json"));
         let [foretold, peak] = ["predicted_memory_bytes", "peak_memory_bytes"].map(|key| {
             let value = eval[key].as_u64().or(eval["cost"][key].as_u64());
             value.unwrap_or_else(|| panic!("{key} in {eval}"))
