@@ -25,7 +25,8 @@ pub(crate) struct ViewNote {
     pub is_blank: bool,
     /// The one colour of the whole photo, see [`one_color`](crate::one_color).
     pub one_color: Option<[f32; 3]>,
-    /// The photo is stored turned or mirrored, by EXIF. Known only of frames that were [examined](crate::decode::Decoder::examine).
+    /// The photo is stored turned or mirrored, by EXIF. Known only of frames that
+    /// [`examine`](crate::decode::Decoder::examine) read.
     pub is_turned: bool,
     /// The levels of a photo of more than 8 bits, as shares of its full range; `None` of a photo of 8 bits.
     pub range: Option<[f64; 2]>,

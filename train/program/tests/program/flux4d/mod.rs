@@ -17,9 +17,9 @@ use gs_train::run::watch::{Ending, Job};
 use gs_worlds::driving::{StreetOptions, write};
 
 use self::reconstruct::{best_of_one_opacity, reconstructs};
+use crate::common;
 use crate::common::program::{fails, says, succeeds};
 use crate::common::streets::{SMALL, job, small_street, streets};
-use crate::common;
 
 fn failure(job: &Job) -> String {
     format!("{:#}", common::train(job).map(|_| ()).expect_err("refused"))
