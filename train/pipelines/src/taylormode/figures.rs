@@ -62,21 +62,11 @@ pub fn figures(model: &Taylormode, gaussians: &Gaussians, scene: &Scene, views: 
     let cost = cost(model, gaussians, at.config);
     let mut numbers = Vec::new();
     let blurry: Vec<f64> = views.iter().filter_map(|view| measured.blurry_psnr(view)).collect();
-    if !blurry.is_empty() {
-        let mean = blurry.iter().sum::<f64>() / blurry.len() as f64;
+    if let Some(mean) = mean(&blurry) {
         let figure = Figure::new("blurry_psnr", "blurry photo", mean, "dB").digits(2).better(Better::Higher);
         numbers.push(figure.note("as the scene forms it").headline());
     }
-    let (angles, magnitudes) = measured.velocity_errors(views);
-    if let Some(angle) = median(angles) {
-        let figure = Figure::new("velocity_angle", "velocity off by", angle, "°").digits(1).better(Better::Lower);
-        numbers.push(figure.note("median over moving surfaces").headline());
-    }
-    if let Some(error) = median(magnitudes) {
-        let figure = Figure::new("speed_error", "speed off by", 100.0 * error, "%").digits(1).better(Better::Lower);
-        numbers.push(figure.note("median over moving surfaces").headline());
-    }
-    numbers.extend(measured.network_figures(views).into_iter().map(Figure::headline));
+    numbers.extend(measured.velocities(views).figures());
     let exposure = model.exposure_on_host();
     // Exposures of the training photos; held-out views may have others.
     let stated = stated_exposure(&scene.train).or_else(|| stated_exposure(views));
@@ -157,11 +147,11 @@ impl Moving<'_> {
         let rendering = render_with(&scene, &camera, &options, extras);
         let pixels = Pixels::all(view.width, view.height, &scene.device());
         let depth = pixels.of(rendering.expected_depth().expect("depth was asked for"));
-        let positions = to_world(back_project(&pixels, depth.clone(), &camera.intrinsics), &camera.viewmat);
+        let positions = || to_world(back_project(&pixels, depth.clone(), &camera.intrinsics), &camera.viewmat);
         let velocity = pixels.of(rendering.features.clone().expect("features were given"));
         let at = self.paths.window.normalised(t);
         Splatted {
-            corrected: self.model.pixel_velocity(at, || velocity.clone(), || positions),
+            corrected: self.model.pixel_velocity(at, || velocity.clone(), positions),
             velocity,
             alpha: pixels.of(rendering.alpha),
             depth,
@@ -169,72 +159,99 @@ impl Moving<'_> {
         }
     }
 
-    /// The world velocities that form the blur, at each pixel, `[H * W * 3]`, and the pixels' alpha, `[H * W]`.
-    fn velocities(&self, view: &View) -> (Vec<f32>, Vec<f32>) {
-        let blur = &self.at.config.method.blur;
-        let Splatted { velocity, corrected, alpha, .. } = self.splatted(view);
-        let seen = alpha.clone().clamp_min(f32::MIN_POSITIVE);
-        let found = match (blur.mode, blur.velocity) {
-            (BlurMode::Warp, VelocitySource::Network) => corrected,
-            (BlurMode::Warp, VelocitySource::Taylor) => corrected / seen,
-            _ => velocity / seen,
-        };
-        (to_host(found), to_host(alpha))
-    }
-
-    /// What the networks of the warp add, over the pixels whose splatted velocity `V` is not small: the mean length of
-    /// the remainder of Eq. 5 as a share of the mean length of `V`, and the mean distance of a weight of Eq. 11 from
-    /// `1 / N` as a share of `1 / N`.
-    fn network_figures(&self, views: &[View]) -> Vec<Figure> {
-        let (mut remainder, mut speed, mut apart) = (Vec::new(), Vec::new(), Vec::new());
-        for view in views.iter().filter(|_| self.model.peano.is_some() || self.model.weights.is_some()) {
-            let at = self.splatted(view);
-            let (splatted, corrected) = (to_host(at.velocity), to_host(at.corrected.clone()));
-            let speeds: Vec<f64> = splatted.as_chunks().0.iter().map(|v| length(*v)).collect();
-            let fastest = speeds.iter().copied().fold(0.0, f64::max);
-            let moving: Vec<usize> = (0..speeds.len()).filter(|at| speeds[*at] > SPEED_SHARE * fastest).collect();
-            let added = splatted.as_chunks::<3>().0.iter().zip(corrected.as_chunks::<3>().0);
-            let added: Vec<f64> = added.map(|(a, b)| length([b[0] - a[0], b[1] - a[1], b[2] - a[2]])).collect();
-            remainder.extend(moving.iter().map(|at| added[*at]));
-            speed.extend(moving.iter().map(|at| speeds[*at]));
-            if let Some(network) = &self.model.weights {
-                let samples = network.samples();
-                let weights = to_host(network.forward(at.depth, camera_velocity(at.corrected, &at.viewmat)));
-                let weights = moving.iter().flat_map(|at| &weights[at * samples..(at + 1) * samples]);
-                apart.extend(weights.map(|weight| (f64::from(*weight) * samples as f64 - 1.0).abs()));
-            }
-        }
-        let share = |key: &str, name: &str, value: f64| Figure::new(key, name, 100.0 * value, "%").digits(1);
-        let remainder = self.model.peano.as_ref().and(mean(&remainder)).zip(mean(&speed));
-        let remainder =
-            remainder.map(|(added, speed)| share("peano_share", "Peano remainder of the velocity", added / speed));
-        remainder
-            .into_iter()
-            .chain(mean(&apart).map(|apart| share("weights_apart", "weights off 1/N by", apart)))
-            .collect()
-    }
-
-    /// Angles in degrees and relative speed errors, over the pixels of moving surfaces.
-    fn velocity_errors(&self, views: &[View]) -> (Vec<f64>, Vec<f64>) {
-        let (mut angles, mut magnitudes) = (Vec::new(), Vec::new());
+    /// The velocities of all views that have a truth; of every view if networks take part.
+    fn velocities(&self, views: &[View]) -> Velocities {
+        let mut found = Velocities::default();
+        let has_networks = self.model.peano.is_some() || self.model.weights.is_some();
         for view in views {
-            let (Some(truth), Some(moving)) = (&view.truth.velocity, &view.truth.moving) else { continue };
-            let (found, alpha) = self.velocities(view);
-            let truth = truth.as_chunks::<3>().0;
-            let fastest = truth.iter().map(|v| length(*v)).fold(0.0, f64::max);
-            for (pixel, true_velocity) in truth.iter().enumerate() {
-                let speed = length(*true_velocity);
-                if moving[pixel] == 0 || alpha[pixel] < ALPHA_SEEN || speed <= SPEED_SHARE * fastest {
-                    continue;
-                }
-                let seen = found.as_chunks::<3>().0[pixel];
-                let dot: f64 = (0..3).map(|c| f64::from(seen[c]) * f64::from(true_velocity[c])).sum();
-                let cosine = dot / (speed * length(seen)).max(f64::MIN_POSITIVE);
-                angles.push(cosine.clamp(-1.0, 1.0).acos().to_degrees());
-                magnitudes.push((length(seen) / speed - 1.0).abs());
+            let truth = view.truth.velocity.as_ref().zip(view.truth.moving.as_ref());
+            if truth.is_none() && !has_networks {
+                continue;
+            }
+            let at = self.splatted(view);
+            if let Some((truth, moving)) = truth {
+                self.compare_with_truth(&at, truth, moving, &mut found);
+            }
+            if has_networks {
+                self.add_networks(&at, &mut found);
             }
         }
-        (angles, magnitudes)
+        found
+    }
+
+    /// Angles and relative errors of speed over the pixels of moving surfaces; `truth` is `[H * W * 3]`.
+    fn compare_with_truth(&self, at: &Splatted, truth: &[f32], moving: &[u8], found: &mut Velocities) {
+        let blur = &self.at.config.method.blur;
+        let seen = at.alpha.clone().clamp_min(f32::MIN_POSITIVE);
+        let velocity = to_host(match (blur.mode, blur.velocity) {
+            (BlurMode::Warp, VelocitySource::Network) => at.corrected.clone(),
+            (BlurMode::Warp, VelocitySource::Taylor) => at.corrected.clone() / seen,
+            _ => at.velocity.clone() / seen,
+        });
+        let alpha = to_host(at.alpha.clone());
+        let truth = truth.as_chunks::<3>().0;
+        let fastest = truth.iter().map(|v| length(*v)).fold(0.0, f64::max);
+        for (pixel, true_velocity) in truth.iter().enumerate() {
+            let speed = length(*true_velocity);
+            if moving[pixel] == 0 || alpha[pixel] < ALPHA_SEEN || speed <= SPEED_SHARE * fastest {
+                continue;
+            }
+            let seen = velocity.as_chunks::<3>().0[pixel];
+            let dot: f64 = (0..3).map(|c| f64::from(seen[c]) * f64::from(true_velocity[c])).sum();
+            let cosine = dot / (speed * length(seen)).max(f64::MIN_POSITIVE);
+            found.angles.push(cosine.clamp(-1.0, 1.0).acos().to_degrees());
+            found.speed_errors.push((length(seen) / speed - 1.0).abs());
+        }
+    }
+
+    /// The parts of the warp's networks over the pixels whose splatted velocity is not small.
+    fn add_networks(&self, at: &Splatted, found: &mut Velocities) {
+        let (velocity, corrected) = (to_host(at.velocity.clone()), to_host(at.corrected.clone()));
+        let (velocity, corrected) = (velocity.as_chunks::<3>().0, corrected.as_chunks::<3>().0);
+        let fastest = velocity.iter().map(|v| length(*v)).fold(0.0, f64::max);
+        let is_moving = |pixel: &usize| length(velocity[*pixel]) > SPEED_SHARE * fastest;
+        let moving: Vec<usize> = (0..velocity.len()).filter(is_moving).collect();
+        if self.model.peano.is_some() {
+            found.speeds.extend(moving.iter().map(|pixel| length(velocity[*pixel])));
+            let remainder = |pixel: &usize| length([0, 1, 2].map(|c| corrected[*pixel][c] - velocity[*pixel][c]));
+            found.remainders.extend(moving.iter().map(remainder));
+        }
+        if let Some(network) = &self.model.weights {
+            let samples = network.samples();
+            let to_camera = camera_velocity(at.corrected.clone(), &at.viewmat);
+            let weights = to_host(network.forward(at.depth.clone(), to_camera));
+            let weights = moving.iter().flat_map(|pixel| &weights[pixel * samples..(pixel + 1) * samples]);
+            found.weights_apart.extend(weights.map(|weight| (f64::from(*weight) * samples as f64 - 1.0).abs()));
+        }
+    }
+}
+
+/// Samples of velocities, one for each measured pixel.
+#[derive(Default)]
+struct Velocities {
+    /// Angles to the true velocity, degrees.
+    angles: Vec<f64>,
+    /// Errors of the speed, as shares of the true speed.
+    speed_errors: Vec<f64>,
+    /// Lengths of the splatted velocity (Eq. 4), and of what Eq. 5 adds to it, scene units per unit of time.
+    speeds: Vec<f64>,
+    remainders: Vec<f64>,
+    /// Distances of the weights of Eq. 11 from `1 / N`, as shares of `1 / N`; N a pixel.
+    weights_apart: Vec<f64>,
+}
+
+impl Velocities {
+    fn figures(self) -> impl Iterator<Item = Figure> {
+        let percent = |key, name, share: f64| Figure::new(key, name, 100.0 * share, "%").digits(1);
+        let truth = |figure: Figure| figure.better(Better::Lower).note("median over moving surfaces");
+        let angle = median(self.angles)
+            .map(|angle| truth(Figure::new("velocity_angle", "velocity off by", angle, "°").digits(1)));
+        let speed = median(self.speed_errors).map(|error| truth(percent("speed_error", "speed off by", error)));
+        let remainder = mean(&self.remainders).zip(mean(&self.speeds));
+        let remainder =
+            remainder.map(|(added, speed)| percent("peano_share", "Peano remainder of the velocity", added / speed));
+        let apart = mean(&self.weights_apart).map(|apart| percent("weights_apart", "weights off 1/N by", apart));
+        [angle, speed, remainder, apart].into_iter().flatten().map(Figure::headline)
     }
 }
 

@@ -133,7 +133,7 @@ impl Formation<'_> {
             } else {
                 formed.middle()
             };
-            let sharp = if decoupled { self.sharp_term(&centre) } else { self.pseudo_term(&centre) };
+            let sharp = if decoupled { Some(self.sharp_term(&centre, None)) } else { self.pseudo_term(&centre) };
             if let Some(sharp) = sharp.filter(|_| self.config.method.prior.sharp > 0.0) {
                 loss = loss + sharp * self.config.method.prior.sharp;
             }
@@ -157,7 +157,9 @@ impl Formation<'_> {
         let pixels = match &photo.extra.compared {
             ComparedPixels::All => &all,
             ComparedPixels::Some(pixels) => pixels,
-            ComparedPixels::None => return finished(centre.color.clone(), self.sharp_loss(&centre)),
+            ComparedPixels::None => {
+                return finished(centre.color.clone(), self.sharp_term(&centre, None) * prior.sharp);
+            }
         };
         let count = photo.camera.width * photo.camera.height;
 
@@ -177,13 +179,8 @@ impl Formation<'_> {
         let blurred = blurred_color(sharp, path, weights.clone(), mixing);
         let formed = pixels.paste(blurred.clone(), centre.color.clone());
 
-        // Photos without a pseudo-sharp one show moving parts blurred, so Eq. 14 compares the blurred rendering there.
-        let target = if self.lacks_pseudo_sharp() {
-            self.photometric(formed.clone(), photo.image.clone(), None) * prior.sharp
-        } else {
-            self.sharp_loss(&centre)
-        };
-        let mut loss = target + losses::blur_loss(blurred.clone(), pixels.of(photo.image.clone()), count) * prior.blur;
+        let mut loss = self.sharp_term(&centre, Some(formed.clone())) * prior.sharp
+            + losses::blur_loss(blurred.clone(), pixels.of(photo.image.clone()), count) * prior.blur;
         if let Some(weights) = weights.filter(|_| prior.smooth > 0.0) {
             loss = loss + losses::smoothness_loss(weights, count) * prior.smooth;
         }
@@ -270,30 +267,24 @@ impl Formation<'_> {
         )
     }
 
-    fn sharp_loss(&self, centre: &Rendering) -> Tensor<1> {
-        match self.sharp_term(centre) {
-            Some(term) => term * self.config.method.prior.sharp,
-            None => Tensor::zeros([1], &centre.color.device()),
-        }
-    }
-
-    /// The sharp term, Eq. 14 with the hybrid target of Eq. 13. Moving pixels without a pseudo-sharp photo are not
-    /// compared.
-    fn sharp_term(&self, centre: &Rendering) -> Option<Tensor<1>> {
+    /// The sharp term, Eq. 14 with the hybrid target of Eq. 13. A photo without a pseudo-sharp one shows moving parts
+    /// blurred: there the blurred rendering `formed` is compared, or nothing without it.
+    fn sharp_term(&self, centre: &Rendering, formed: Option<Tensor<3>>) -> Tensor<1> {
         let (extra, image) = (&self.photo.extra, self.photo.image.clone());
         let color = centre.color.clone();
         let Some(moving) = extra.moving.clone() else {
-            return Some(self.photometric(color, image, None));
+            return self.photometric(color, image, None);
         };
         let pseudo = extra
             .sharp
             .clone()
             .filter(|_| self.config.method.prior.pseudo && self.progress < self.config.method.prior.until);
-        Some(match pseudo {
-            Some(sharp) => self.photometric(color, losses::hybrid_target(sharp, image, moving), None),
-            None if self.config.method.prior.pseudo => self.photometric(color, image, Some(moving.neg() + 1.0)),
-            None => self.photometric(color, image, None),
-        })
+        match (pseudo, formed.filter(|_| extra.sharp.is_none())) {
+            (Some(sharp), _) => self.photometric(color, losses::hybrid_target(sharp, image, moving), None),
+            (None, _) if !self.config.method.prior.pseudo => self.photometric(color, image, None),
+            (None, Some(formed)) => self.photometric(formed, image, None),
+            (None, None) => self.photometric(color, image, Some(moving.neg() + 1.0)),
+        }
     }
 
     /// The sharp term over moving pixels alone; the photo itself constrains the others.
@@ -309,12 +300,6 @@ impl Formation<'_> {
             (region, mask) => region.or(mask),
         };
         photometric(color, truth, region, &self.config.loss)
-    }
-
-    /// Whether the pseudo-sharp photo of Eq. 13 is used and not given.
-    fn lacks_pseudo_sharp(&self) -> bool {
-        let extra = &self.photo.extra;
-        self.config.method.prior.pseudo && extra.sharp.is_none() && extra.moving.is_some()
     }
 
     /// Adds the depth term of Eq. 16.

@@ -123,7 +123,10 @@ impl Candidate<'_> {
 /// explained better than moving ones.
 fn compared(view: &View, simpler: Tensor<3>, present: Tensor<3>, device: &Device) -> [f64; 3] {
     let differs = (simpler.clone() - present.clone()).abs().max_dim(2).greater_elem(NOTICED).float();
-    let counts = mask_of(view, device).into_iter().fold(differs, |differs, mask| differs * mask);
+    let counts = match mask_of(view, device) {
+        Some(mask) => differs * mask,
+        None => differs,
+    };
     let photo = to_tensor(view, &view.image.data, 3, device);
     let sum = |tensor: Tensor<3>| f64::from(tensor.sum().into_scalar::<f32>());
     let misses = |image: Tensor<3>| sum((image - photo.clone()).square() * counts.clone());
