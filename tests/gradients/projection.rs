@@ -67,7 +67,7 @@ fn every_device_follows_the_reference() {
     }
 }
 
-/// What is culled, for whatever reason, gets exactly zero, and adds nothing to the pose's gradient.
+/// A Gaussian that is culled, for whatever reason, gets exactly zero and adds nothing to the pose's gradient.
 #[test]
 fn what_is_culled_gets_nothing() {
     const CULLED: usize = 8;

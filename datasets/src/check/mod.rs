@@ -95,7 +95,7 @@ fn fill(
     let held_out: Vec<&RawFrame> = plan.held_out_frames().map(|index| &frames[index]).collect();
     report.train = train.len();
     report.held_out = plan.held_out.iter().map(|(name, list)| (name.clone(), list.len())).collect();
-    let training = clause(report.train, "view", "trains", "train").to_string();
+    let training = clause(report.train, "view", "trains", "train");
     report.facts.push(match held_out.len() {
         0 => format!("{training}, none is held out: {}.", plan.rule),
         count => {

@@ -30,7 +30,7 @@ impl Group {
 
     /// The group's name in [`Gaussians`].
     pub fn name(self) -> &'static str {
-        &self.path()["gaussians.".len()..]
+        self.path().trim_start_matches("gaussians.")
     }
 
     /// The group's path in a [`Model`](super::trainer::Model).

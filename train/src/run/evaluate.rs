@@ -226,11 +226,11 @@ impl Evaluator {
 
     /// The mean over views, their regions, and why a measure is missing; `compared` says with what they were compared.
     pub fn summary(&self, views: Vec<ViewScores>, compared: &str) -> Quality {
-        let mean = mean(views.iter().map(|view| &view.scores)).unwrap_or_default();
+        let mean = mean_scores(views.iter().map(|view| &view.scores)).unwrap_or_default();
         let mut names: Vec<&String> = views.iter().flat_map(|view| view.regions.keys()).collect();
         names.sort();
         names.dedup();
-        let of = |name: &String| self::mean(views.iter().filter_map(|view| view.regions.get(name)));
+        let of = |name: &String| mean_scores(views.iter().filter_map(|view| view.regions.get(name)));
         let regions = names.into_iter().filter_map(|name| Some((name.clone(), of(name)?))).collect();
         let ms_ssim_reason = match (mean.ms_ssim, self.ms_ssim) {
             (Some(_), _) => None,
@@ -272,7 +272,7 @@ fn by_time(views: &[View]) -> Vec<(f64, Vec<usize>)> {
 }
 
 /// The mean of each score that all views have; `None` without a view.
-fn mean<'a>(scores: impl Iterator<Item = &'a Scores> + Clone) -> Option<Scores> {
+fn mean_scores<'a>(scores: impl Iterator<Item = &'a Scores> + Clone) -> Option<Scores> {
     let of = |value: fn(&Scores) -> Option<f64>| -> Option<f64> {
         metrics::mean(scores.clone().map(value).collect::<Option<Vec<f64>>>()?)
     };

@@ -8,10 +8,11 @@ use gs_datasets::light::{to_encoded, to_linear};
 use gs_datasets::{LoadOptions, load};
 use gs_worlds::deblur::{DeblurOptions, PriorFault, PriorFaults, World, write};
 use serde_json::Value;
+use tempfile::{TempDir, tempdir};
 
 use glam::{DMat4, DQuat, DVec3};
 
-use crate::fixtures::{Folder, held_out, written};
+use crate::fixtures::{held_out, written};
 
 /// Small and quick: three cameras, the middle one held out.
 fn small(world: World) -> DeblurOptions {
@@ -29,8 +30,8 @@ fn small(world: World) -> DeblurOptions {
     }
 }
 
-fn json(folder: &Folder, part: &str) -> Value {
-    let text = read_to_string(folder.file(&format!("transforms_{part}.json"))).expect("a JSON file");
+fn json(folder: &TempDir, part: &str) -> Value {
+    let text = read_to_string(folder.path().join(&format!("transforms_{part}.json"))).expect("a JSON file");
     serde_json::from_str(&text).expect("JSON")
 }
 
@@ -75,10 +76,14 @@ fn blurry_is_the_mean_of_sharp_in_linear_light() {
     let (blurred, fine) = (written(&blurred), written(&fine));
     // Of [0.375, 0.625] the middles of 25 parts: 0.38, 0.39, ... 0.62.
     let sharp: Vec<Vec<u8>> =
-        (38..=62).map(|i| bytes(&fine.file(&format!("truth/sharp/train/cam00/{i:04}.png")))).collect();
-    let blurry = bytes(&blurred.file("train/cam00/0001.png"));
-    let centre = bytes(&blurred.file("truth/sharp/train/cam00/0001.png"));
-    assert_eq!(centre, bytes(&fine.file("truth/sharp/train/cam00/0050.png")), "sharp photos depend on time only");
+        (38..=62).map(|i| bytes(&fine.path().join(&format!("truth/sharp/train/cam00/{i:04}.png")))).collect();
+    let blurry = bytes(&blurred.path().join("train/cam00/0001.png"));
+    let centre = bytes(&blurred.path().join("truth/sharp/train/cam00/0001.png"));
+    assert_eq!(
+        centre,
+        bytes(&fine.path().join("truth/sharp/train/cam00/0050.png")),
+        "sharp photos depend on time only"
+    );
     let (mut off, mut off_encoded, mut off_sharp, mut worst) = (0.0, 0.0, 0.0, 0.0_f32);
     for i in 0..blurry.len() {
         let light = to_linear(f32::from(blurry[i]) / 255.0);
@@ -103,8 +108,8 @@ fn without_exposure_or_motion_photos_are_sharp() {
         let folder = written(&DeblurOptions { exposure, speed, ..small(World::Monkey) });
         for frame in 0..3 {
             let stem = format!("train/cam00/{frame:04}.png");
-            assert_eq!(bytes(&folder.file(&stem)), bytes(&folder.file(&format!("truth/sharp/{stem}"))));
-            let velocity = channels(folder.file(&format!("truth/velocity/train/cam00/{frame:04}.exr")));
+            assert_eq!(bytes(&folder.path().join(&stem)), bytes(&folder.path().join(&format!("truth/sharp/{stem}"))));
+            let velocity = channels(folder.path().join(&format!("truth/velocity/train/cam00/{frame:04}.exr")));
             assert_eq!(velocity.concat().iter().any(|v| *v != 0.0), speed != 0.0);
         }
     }
@@ -120,7 +125,7 @@ fn depth_and_velocity_lie_on_the_ball() {
         let mover = &set["movers"][0];
         let radius = mover["radius"].as_f64().expect("a radius");
         for frame in set["frames"].as_array().expect("frames") {
-            let file = |key: &str| folder.file(frame["truth"][key].as_str().expect("a path"));
+            let file = |key: &str| folder.path().join(frame["truth"][key].as_str().expect("a path"));
             let (depth, velocity) = (channels(file("depth_path")).remove(0), channels(file("velocity_path")));
             let (mask, union) = (bytes(&file("mask_path")), bytes(&file("mask_union_path")));
             let time = frame["time"].as_f64().expect("a time");
@@ -155,7 +160,7 @@ fn depth_agrees_between_cameras() {
     let set = json(&folder, "train");
     let frames = set["frames"].as_array().expect("frames");
     let depths: Vec<Vec<f32>> = (0..2)
-        .map(|i| channels(folder.file(frames[i]["truth"]["depth_path"].as_str().expect("a path"))).remove(0))
+        .map(|i| channels(folder.path().join(frames[i]["truth"]["depth_path"].as_str().expect("a path"))).remove(0))
         .collect();
     let focal = set["fl_x"].as_f64().expect("a focal length");
     let (mut inside, mut equal, mut behind) = (0, 0, 0);
@@ -205,7 +210,7 @@ fn velocities_in_the_json_are_derivatives_of_its_poses() {
 #[test]
 fn same_options_same_bytes_on_any_number_of_threads() {
     let options = small(World::Lychee);
-    let folders: Vec<Folder> = [(1, 0), (3, 0), (3, 1)]
+    let folders: Vec<TempDir> = [(1, 0), (3, 0), (3, 1)]
         .into_iter()
         .map(|(threads, seed)| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
@@ -224,7 +229,7 @@ fn same_options_same_bytes_on_any_number_of_threads() {
         "transforms_test.json",
     ];
     for name in files {
-        let [one, same, other] = [0, 1, 2].map(|i: usize| read(folders[i].file(name)).expect("a file"));
+        let [one, same, other] = [0, 1, 2].map(|i: usize| read(folders[i].path().join(name)).expect("a file"));
         assert!(one == same, "{name} differs between runs");
         assert!(one != other, "{name} is the same for another seed");
     }
@@ -260,8 +265,8 @@ fn faults_switch_one_by_one() {
     }
 }
 
-fn file(folder: &Folder, path: &Value) -> PathBuf {
-    folder.file(path.as_str().expect("a path"))
+fn file(folder: &TempDir, path: &Value) -> PathBuf {
+    folder.path().join(path.as_str().expect("a path"))
 }
 
 /// Each fault must do what it says: depth is affine in the truth up to its noise but not equal to it, masks stray by a
@@ -328,7 +333,7 @@ fn the_reader_reads_it() {
     assert_eq!(scene.points.as_ref().map(|points| points.len()), Some(200));
     let cameras: Vec<&str> = held_out(&scene).iter().filter_map(|view| view.camera_id.as_deref()).collect();
     assert_eq!(cameras, ["cam02"; 3]);
-    assert_eq!(held_out(&scene)[1].image.data, bytes(&folder.file("test/cam02/0001.png")));
+    assert_eq!(held_out(&scene)[1].image.data, bytes(&folder.path().join("test/cam02/0001.png")));
     // A surface point is inside the room but for its noise and 1 % of outliers.
     let points = scene.points.expect("points").positions;
     let inside = points.iter().filter(|p| p[2] > -0.05 && p[1] < 2.35 && p[0].abs() < 3.05).count();
@@ -349,7 +354,7 @@ fn options_out_of_range_are_refused() {
         ),
     ];
     for (options, expected) in cases {
-        let folder = Folder::new();
+        let folder = tempdir().expect("a temporary folder");
         let error = write(folder.path(), &options, |_, _| {}).expect_err("refused").to_string();
         assert!(error.ends_with(expected), "{error}");
         assert_eq!(folder.path().read_dir().expect("a folder").count(), 0, "nothing is written");
@@ -358,7 +363,7 @@ fn options_out_of_range_are_refused() {
 
 #[test]
 fn a_ring_of_cameras_sees_its_world_under_a_sky() {
-    let folder = Folder::new();
+    let folder = tempdir().expect("a temporary folder");
     let options = DeblurOptions { ring: true, cameras: 8, held_out: 1, frames: 1, ..small(World::Lychee) };
     write(folder.path(), &options, |_, _| {}).expect("written");
     let scene = load(folder.path(), &LoadOptions { training_truth: true, ..LoadOptions::default() }).expect("loaded");
@@ -378,7 +383,7 @@ fn a_ring_of_cameras_sees_its_world_under_a_sky() {
 
 #[test]
 fn progress_counts_all_photos() {
-    let folder = Folder::new();
+    let folder = tempdir().expect("a temporary folder");
     let heard = std::cell::RefCell::new(Vec::new());
     let options = DeblurOptions { width: 16, height: 12, ..small(World::Sphere) };
     write(folder.path(), &options, |done, total| heard.borrow_mut().push((done, total))).expect("written");

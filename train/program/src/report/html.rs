@@ -35,8 +35,12 @@ pub fn plain_name(text: &str) -> String {
 
 /// A row of a table; `cells` are HTML.
 pub fn row(cell: &str, cells: impl IntoIterator<Item = String>) -> String {
-    let cells: String = cells.into_iter().map(|html| format!("<{cell}>{html}</{cell}>")).collect();
-    format!("<tr>{cells}</tr>\n")
+    format!("<tr>{}</tr>\n", self::cells(cell, cells))
+}
+
+/// The cells of a row, of the element `cell`.
+pub fn cells(cell: &str, cells: impl IntoIterator<Item = String>) -> String {
+    cells.into_iter().map(|html| format!("<{cell}>{html}</{cell}>")).collect()
 }
 
 /// A whole page that needs no other file, named for its tab; `head` is put into its head.

@@ -14,7 +14,8 @@ pub fn bars(profile: &Profile) -> String {
         html::row("td", [escaped(&row.name), ms, share, format!("<i style=\"width:{width:.1}%\"></i>")])
     });
     format!(
-        "<section>\n<h2>One training step by stage</h2>\n<p>{}.</p>\n<table class=\"bars\">\n{}{}</table>\n</section>\n",
+        "<section>\n<h2>One training step by stage</h2>\n<p>{}.</p>\n<table class=\"bars\">\n\
+         {}{}</table>\n</section>\n",
         escaped(&profile.summary()),
         html::row("th", ["stage", of, "share", ""].map(String::from)),
         rows.collect::<String>()

@@ -8,21 +8,8 @@ use gs_burn::Gaussians;
 use gs_train::run::exchange::host::splats_of;
 use gsburn::report::comparison::{Table, gather};
 
-use crate::common::program::{fails, fails_with, gsburn, program, succeeds};
+use crate::common::program::{QUICK, fails, fails_with, gsburn, program, succeeds};
 use crate::common::{self, read_json};
-
-const QUICK: [&str; 10] = [
-    "--steps",
-    "12",
-    "--quiet",
-    "--set",
-    "eval.ms_ssim=false",
-    "--set",
-    "eval.images=1",
-    "--set",
-    "density.start=2",
-    "--cap=160",
-];
 
 #[test]
 fn a_scene_goes_from_photos_to_frames() {

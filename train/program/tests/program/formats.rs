@@ -5,25 +5,12 @@ use crate::common;
 use std::fs;
 use std::path::Path;
 
-use crate::common::program::{fails, fails_with, says, succeeds};
+use crate::common::program::{QUICK, fails, fails_with, says, succeeds};
 use glam::{DMat3, DMat4, DVec3};
 use gs_base::Intrinsics;
 use gs_burn::{Camera, RenderOptions, render};
 use gs_splats::Splats;
 use gs_train::run::exchange::{Packed, host::gaussians_of};
-
-const QUICK: [&str; 10] = [
-    "--steps",
-    "12",
-    "--quiet",
-    "--set",
-    "eval.ms_ssim=false",
-    "--set",
-    "eval.images=1",
-    "--set",
-    "density.start=2",
-    "--cap=160",
-];
 
 fn trained(folder: &Path) {
     common::tiny_scene(folder);

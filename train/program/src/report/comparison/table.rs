@@ -133,9 +133,8 @@ impl Table {
             text => escaped(text),
         };
         let row = |cells: &Vec<String>| {
-            let row = html::row("td", cells.iter().enumerate().map(cell));
-            let on_front = front.is_some_and(|c| !cells[c].is_empty());
-            if on_front { row.replacen("<tr>", "<tr class=\"front\">", 1) } else { row }
+            let class = if front.is_some_and(|c| !cells[c].is_empty()) { " class=\"front\"" } else { "" };
+            format!("<tr{class}>{}</tr>\n", html::cells("td", cells.iter().enumerate().map(cell)))
         };
         let head = html::row("th", self.columns.iter().map(|name| escaped(name)));
         let rows: String = self.rows.iter().map(row).collect();

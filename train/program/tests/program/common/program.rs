@@ -3,6 +3,20 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
+/// A training of a moment: twelve steps and 160 Gaussians.
+pub const QUICK: [&str; 10] = [
+    "--steps",
+    "12",
+    "--quiet",
+    "--set",
+    "eval.ms_ssim=false",
+    "--set",
+    "eval.images=1",
+    "--set",
+    "density.start=2",
+    "--cap=160",
+];
+
 /// The program in `folder`. Mesa's Vulkan drivers write `error:` lines of their own where no such directory is named.
 pub fn program(folder: &Path) -> Command {
     let mut program = Command::new(env!("CARGO_BIN_EXE_gsburn"));
