@@ -31,7 +31,7 @@ fn small(world: World) -> DeblurOptions {
 }
 
 fn json(folder: &TempDir, part: &str) -> Value {
-    let text = read_to_string(folder.path().join(&format!("transforms_{part}.json"))).expect("a JSON file");
+    let text = read_to_string(folder.path().join(format!("transforms_{part}.json"))).expect("a JSON file");
     serde_json::from_str(&text).expect("JSON")
 }
 
@@ -76,7 +76,7 @@ fn blurry_is_the_mean_of_sharp_in_linear_light() {
     let (blurred, fine) = (written(&blurred), written(&fine));
     // Of [0.375, 0.625] the middles of 25 parts: 0.38, 0.39, ... 0.62.
     let sharp: Vec<Vec<u8>> =
-        (38..=62).map(|i| bytes(&fine.path().join(&format!("truth/sharp/train/cam00/{i:04}.png")))).collect();
+        (38..=62).map(|i| bytes(&fine.path().join(format!("truth/sharp/train/cam00/{i:04}.png")))).collect();
     let blurry = bytes(&blurred.path().join("train/cam00/0001.png"));
     let centre = bytes(&blurred.path().join("truth/sharp/train/cam00/0001.png"));
     assert_eq!(
@@ -108,8 +108,8 @@ fn without_exposure_or_motion_photos_are_sharp() {
         let folder = written(&DeblurOptions { exposure, speed, ..small(World::Monkey) });
         for frame in 0..3 {
             let stem = format!("train/cam00/{frame:04}.png");
-            assert_eq!(bytes(&folder.path().join(&stem)), bytes(&folder.path().join(&format!("truth/sharp/{stem}"))));
-            let velocity = channels(folder.path().join(&format!("truth/velocity/train/cam00/{frame:04}.exr")));
+            assert_eq!(bytes(&folder.path().join(&stem)), bytes(&folder.path().join(format!("truth/sharp/{stem}"))));
+            let velocity = channels(folder.path().join(format!("truth/velocity/train/cam00/{frame:04}.exr")));
             assert_eq!(velocity.concat().iter().any(|v| *v != 0.0), speed != 0.0);
         }
     }
