@@ -62,9 +62,10 @@ impl Exposure {
         self.log_tau.to_data().iter::<f64>().next().unwrap_or(f64::NAN).exp()
     }
 
-    /// Offsets of `count` samples from the exposure's centre, `[count]`, the data set's unit of time. Eq. 7.
-    pub fn offsets(&self, samples: Samples, count: usize) -> Tensor<1> {
-        let tau = self.tau();
+    /// Offsets of `count` samples from the exposure's centre, `[count]`, the data set's unit of time. Eq. 7. The photo's
+    /// shutter was open for the `share` of `tau` (1: all).
+    pub fn offsets(&self, samples: Samples, count: usize, share: f64) -> Tensor<1> {
+        let tau = self.tau() * share;
         let options = (&tau.device(), tau.dtype());
         tau * Tensor::<1>::from_data(TensorData::new(samples.offsets(count), [count]), options)
     }
@@ -72,9 +73,10 @@ impl Exposure {
     /// The same samples as moments around `t`, for models that move Gaussians to each. When `log_tau` is tracked, they
     /// have a [`shift`](Instants::shift), and the exposure is learned through where the Gaussians are; exact, because
     /// the derivative of a position by time is its velocity. Reads `tau` back from the device.
-    pub fn instants(&self, t: f64, samples: Samples, count: usize) -> Instants {
+    pub fn instants(&self, t: f64, samples: Samples, count: usize, share: f64) -> Instants {
         let change = self.log_tau.is_tracked().then(|| self.tau() - self.tau().detach());
-        let shift = change.map(|change| Shift { change, rates: samples.offsets(count) });
-        Instants { shift, ..samples.instants(t, self.tau_on_host(), count) }
+        let rates = || samples.offsets(count).into_iter().map(|offset| offset * share).collect();
+        let shift = change.map(|change| Shift { change, rates: rates() });
+        Instants { shift, ..samples.instants(t, self.tau_on_host() * share, count) }
     }
 }

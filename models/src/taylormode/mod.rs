@@ -6,7 +6,7 @@
 //!
 //! | Paper | Here |
 //! |---|---|
-//! | 3.1, Eq. 2: Taylor motion | [`taylor_motion`], learned; [`paths`], evaluated, in the time of [`window`] |
+//! | 3.1, Eq. 2: Taylor motion | [`taylor_motion`], learned in the polynomials of [`window`]; [`paths`], evaluated |
 //! | 3.1, Eq. 2: remainder `R_n(t)` | [`remainder`], in three dimensions; [`kinks`] at contacts |
 //! | 3.2, Eq. 3: velocity | [`Paths::velocity`] |
 //! | 3.2, Eq. 4: velocity splatting | the rasterizer's channels, fed with [`Paths::velocities`] |

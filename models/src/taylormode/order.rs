@@ -1,12 +1,13 @@
 //! The polynomial order of each Gaussian's motion, and whether a higher one is worth its numbers.
 //!
 //! Order 0 is static; there is no other flag. A path is lowered by the polynomial of the next lower order that is
-//! nearest to it over the window in the largest deviation: `s^k` minus `T_k(s) / 2^(k-1)`, `T_k` Chebyshev's, deviates
-//! by `2^(1-k)` at most (economisation). A likelihood check on the photos decides between orders for a group of
+//! nearest to it over the window in the largest deviation: the one without the last of Chebyshev's polynomials
+//! (economisation). A likelihood check on the photos decides between orders for a group of
 //! Gaussians; the remainder is worth having only where the residuals have a pattern in time. Not part of the paper,
 //! which has one order for all.
 
 use super::shrinkage::norm;
+use super::window::at_centre;
 
 /// Pixels of motion over half the window that nobody sees: a tenth of a pixel moves an edge of full contrast by a tenth
 /// of that contrast in one row of pixels.
@@ -34,42 +35,17 @@ pub fn lower(path: &mut [f32], mut order: usize, pixels_per_unit: f64, limit: f6
 
 /// Largest deviation over the window of the path from the nearest of the next lower order, in the path's unit.
 pub fn deviation(path: &[f32], order: usize) -> f64 {
-    norm(block(path, order)) * 0.5f64.powi(order as i32 - 1)
+    norm(block(path, order)) / order as f64
 }
 
 /// Replaces the path of `order` by the nearest of the next lower order; its contribution to the constant goes to
 /// `centre`.
 pub fn economise(path: &mut [f32], order: usize, centre: &mut [f32; 3]) {
-    let leading = block(path, order);
-    let leading = [leading[0], leading[1], leading[2]];
-    let unit = 0.5f64.powi(order as i32 - 1);
-    for (power, coefficient) in chebyshev(order).iter().enumerate() {
-        let part = leading.map(|x| (f64::from(x) * coefficient * unit) as f32);
-        let target: &mut [f32] = if power == 0 { centre } else { &mut path[3 * (power - 1)..][..3] };
-        for (value, part) in target.iter_mut().zip(part) {
-            *value -= part;
-        }
+    let last = &mut path[3 * (order - 1)..][..3];
+    for (value, part) in centre.iter_mut().zip(&mut *last) {
+        *value -= *part * at_centre(order) as f32;
     }
-    path[3 * (order - 1)..][..3].fill(0.0);
-}
-
-/// Coefficients of Chebyshev's polynomial by power, from the constant on: `T_{k+1} = 2 s T_k - T_{k-1}`.
-fn chebyshev(order: usize) -> Vec<f64> {
-    let (mut before, mut now) = (vec![1.0], vec![0.0, 1.0]);
-    if order == 0 {
-        return before;
-    }
-    for _ in 1..order {
-        let mut next = vec![0.0; now.len() + 1];
-        for (power, c) in now.iter().enumerate() {
-            next[power + 1] += 2.0 * c;
-        }
-        for (power, c) in before.iter().enumerate() {
-            next[power] -= c;
-        }
-        (before, now) = (now, next);
-    }
-    now
+    last.fill(0.0);
 }
 
 fn block(path: &[f32], order: usize) -> &[f32] {

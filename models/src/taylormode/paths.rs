@@ -1,10 +1,11 @@
 //! The paths of moving Gaussians, to be asked at any time: Eq. 2 and its velocity, Eq. 3.
 //!
 //! `mu(t) = mu_0 + sum_{k=1..K} c_k s^k + R(s)`, `s = (t - t0) / half`, `c_k = f^(k) half^k / k!` `[3]`;
-//! `v(t) = (sum_k k c_k s^(k-1) + R'(s)) / half`. Coefficients are stored as the displacement they make at the window's
-//! edge, so all orders have one scale, whatever the unit of time, and one learning rate suits them all. Rotation has a
-//! series of its own, of the rotation vector ([`rotation`](crate::rotation)). Only the rows listed move; the others
-//! cost nothing. Outside the window see [`window`](super::window).
+//! `v(t) = (sum_k k c_k s^(k-1) + R'(s)) / half`. The same sum is stored and learned as `sum_k b_k f_k(s)` with
+//! [polynomials](super::window::polynomials) `f_k` of order `k`, which are of one size over the whole window: one learning
+//! rate suits all orders, whatever the unit of time. Rotation has a series of its own, of the rotation vector
+//! ([`rotation`](crate::rotation)). Only the rows listed move; the others cost nothing. Outside the window see
+//! [`window`](super::window).
 
 use burn::tensor::{Int, Tensor, TensorData, assert_shape};
 use gs_burn::ops::products::scaled;
@@ -13,7 +14,7 @@ use gs_burn::{Gaussians, MovingSamples, exact_matmul, profile};
 
 use super::kinks::Kinks;
 use super::remainder::Remainder;
-use super::window::{Sample, TimeWindow, powers};
+use super::window::{Sample, TimeWindow, polynomials, powers_of};
 use crate::rotation::turn;
 
 /// How `M` of a scene's `N` Gaussians move: [`TaylorMotion::paths`](super::TaylorMotion::paths) with the remainder's
@@ -22,7 +23,7 @@ use crate::rotation::turn;
 pub struct Paths {
     /// `[M]`, which Gaussians move; each at most once.
     pub rows: Tensor<1, Int>,
-    /// `[M, 3 K]`, blocks `c_1 .. c_K` of three, scene units: displacement at `|s| = 1`.
+    /// `[M, 3 K]`, blocks `b_1 .. b_K` of three, scene units.
     pub position: Tensor<2>,
     /// `[M, 3 Kr]`, likewise for the rotation vector, radians, world axes.
     pub rotation: Tensor<2>,
@@ -115,7 +116,7 @@ impl Paths {
 
     /// `[M, 3 n]`, a block of three for each of the `n` times.
     fn position_sums(&self, times: &[f64], part: impl Fn(usize, Sample) -> f64) -> Tensor<2> {
-        let mut sum = series(&self.position, self.factors(times, |s| powers(s, self.order()).collect(), &part));
+        let mut sum = series(&self.position, self.factors(times, |s| polynomials(s, self.order()), &part));
         if let Some(rest) = &self.remainder {
             sum = sum + series(&rest.weights, self.factors(times, |s| rest.functions(s), &part));
         }
@@ -127,8 +128,7 @@ impl Paths {
 
     /// Likewise of the rotation vector.
     fn rotation_sums(&self, times: &[f64], part: impl Fn(usize, Sample) -> f64) -> Tensor<2> {
-        let powers = |s| powers(s, self.rotation_order()).collect();
-        series(&self.rotation, self.factors(times, powers, part))
+        series(&self.rotation, self.factors(times, |s| polynomials(s, self.rotation_order()), part))
     }
 
     /// For each time, the factors of all blocks.
@@ -223,6 +223,14 @@ impl Paths {
             quats: quats.reshape([count * moving, 4]),
         }
     }
+}
+
+/// Blocks of Chebyshev's polynomials `[M, 3 K]` as Taylor's coefficients, blocks of the powers `s^1 .. s^K`.
+pub(super) fn taylor_coefficients(blocks: &Tensor<2>) -> Tensor<2> {
+    let order = blocks.dims()[1] / 3;
+    let powers = powers_of(order);
+    let factors = (0..order).map(|power| powers.iter().map(|p| p.get(power).copied().unwrap_or(0.0)).collect());
+    series(blocks, factors.collect())
 }
 
 /// `sum_k factors[i][k] block_k` of `coefficients` `[M, 3 K]` for each `i` below `n`, `[M, 3 n]`.

@@ -11,7 +11,7 @@ use gs_burn::{Gaussians, RowMap};
 use serde::{Deserialize, Serialize};
 
 use super::kinks::{Contact, Kinks};
-use super::paths::Paths;
+use super::paths::{Paths, taylor_coefficients};
 use super::remainder::{RemainderFrame, RemainderNetwork};
 use super::window::{TimeWindow, described_powers};
 use crate::DynamicScene;
@@ -86,7 +86,7 @@ impl MotionFrame {
 /// How `M` of a scene's Gaussians move, as it is learned. The formula is in [`paths`](super::paths).
 #[derive(Module, Debug)]
 pub struct TaylorMotion {
-    /// `[M, 3 K]`, blocks `c_1 .. c_K` of three, scene units: displacement at `|s| = 1`.
+    /// `[M, 3 K]`, blocks of three of the [polynomials](super::window::polynomials) of order 1 to `K`, scene units.
     pub position: Param<Tensor<2>>,
     /// `[M, 3 Kr]`, likewise for the rotation vector, radians, world axes.
     pub rotation: Param<Tensor<2>>,
@@ -213,22 +213,30 @@ impl TaylorMotion {
         }
     }
 
+    /// Paths of a lower order get `order`, at most all that there is room for.
+    pub fn open(&mut self, order: usize) {
+        let order = order.min(self.order()) as u8;
+        self.orders.iter_mut().for_each(|own| *own = order.max(*own));
+    }
+
+    /// `[1, 3 K]`, 1 in the blocks of the position that some path has and 0 above.
+    pub fn learned_blocks(&self) -> Tensor<2> {
+        let highest = self.orders.iter().max().copied().unwrap_or(0);
+        block_mask(&[highest], &self.position)
+    }
+
     /// For each of `position` and `rotation`, 1 in the blocks up to each Gaussian's order and 0 above, of the
-    /// parameter's shape; `None` where every Gaussian has all orders. Adam's first moment needs the factor too: it
-    /// would push the blocks on.
+    /// parameter's shape, or one row where all have one order; `None` where every Gaussian has all orders. Adam's first
+    /// moment needs the factor too: it would push the blocks on.
     pub fn order_masks(&self) -> [(&'static str, Option<Tensor<2>>); 2] {
         let mask = |parameter: &Param<Tensor<2>>, orders: &[u8]| {
             let columns = parameter.dims()[1];
             if columns == 0 || orders.iter().all(|order| usize::from(*order) >= columns / 3) {
                 return None;
             }
-            let one = |order: &u8| {
-                let order = usize::from(*order);
-                (0..columns).map(move |column| f32::from(u8::from(column / 3 < order)))
-            };
-            let values: Vec<f32> = orders.iter().flat_map(one).collect();
-            let options = (&parameter.device(), parameter.dtype());
-            Some(Tensor::from_data(TensorData::new(values, [orders.len(), columns]), options))
+            let are_equal = orders.iter().all(|order| *order == orders[0]);
+            let orders = if are_equal { &orders[..1] } else { orders };
+            Some(block_mask(orders, parameter))
         };
         [("position", mask(&self.position, &self.orders)), ("rotation", mask(&self.rotation, &self.rotation_orders))]
     }
@@ -242,6 +250,18 @@ impl TaylorMotion {
         };
         Self { position: held(self.position, position), rotation: held(self.rotation, rotation), ..self }
     }
+}
+
+/// A row for each of `orders`: 1 in the blocks of three up to it and 0 above, with the columns of `parameter`.
+fn block_mask(orders: &[u8], parameter: &Param<Tensor<2>>) -> Tensor<2> {
+    let columns = parameter.dims()[1];
+    let one = |order: &u8| {
+        let order = usize::from(*order);
+        (0..columns).map(move |column| f32::from(u8::from(column / 3 < order)))
+    };
+    let values: Vec<f32> = orders.iter().flat_map(one).collect();
+    let options = (&parameter.device(), parameter.dtype());
+    Tensor::from_data(TensorData::new(values, [orders.len(), columns]), options)
 }
 
 /// A scene some of whose Gaussians move.
@@ -284,7 +304,7 @@ impl DynamicScene for TaylorScene {
         }
         let paths = self.paths();
         let mut functions = described_powers(paths.order());
-        let mut position = vec![paths.position.inner()];
+        let mut position = vec![taylor_coefficients(&paths.position.inner())];
         if let Some(remainder) = paths.remainder {
             functions.extend(remainder.described());
             position.push(remainder.weights.inner());
@@ -307,7 +327,7 @@ impl DynamicScene for TaylorScene {
             functions,
             position,
             turns: described_powers(self.motion.rotation_order()),
-            rotation: paths.rotation.inner(),
+            rotation: taylor_coefficients(&paths.rotation.inner()),
         })
     }
 }

@@ -44,16 +44,66 @@ impl TimeWindow {
     }
 }
 
-/// The powers `s^k`, `k = 1..=order`, continued past the window.
-pub fn powers(s: f64, order: usize) -> impl Iterator<Item = Sample> {
-    (1..=order).map(move |k| {
-        let n = k as i32;
-        let power = |s: f64| Sample { value: s.powi(n), slope: f64::from(n) * s.powi(n - 1) };
-        continued(s, || power_line(k), power)
-    })
+/// The functions `(T_k(s) - T_k(0)) / k`, `k = 1..=order`, continued past the window, `T_k` Chebyshev's polynomials.
+///
+/// They span the powers `s^k` of Eq. 2 (see [`powers_of`]) and are zero at `t0` as those are. A block of any order
+/// moves its Gaussian over the whole window, and no two look alike; high powers act at the window's ends alone, where
+/// each is nearly the next. With the factor `1 / k` a step of one length changes the velocity by as much at any order:
+/// what one photo says of a path is noise to the others, and the blur shows velocities.
+pub fn polynomials(s: f64, order: usize) -> Vec<Sample> {
+    let one = |k: usize| {
+        let shifted = move |s: f64| {
+            let Sample { value, slope } = chebyshev(k, s);
+            Sample { value: value / k as f64 - at_centre(k), slope: slope / k as f64 }
+        };
+        continued(s, || polynomial_line(k), shifted)
+    };
+    (1..=order).map(one).collect()
 }
 
-/// [`powers`] as a description for readers without this module.
+/// `T_k(s)`, by `T_{k+1} = 2 s T_k - T_{k-1}`.
+fn chebyshev(k: usize, s: f64) -> Sample {
+    let (mut before, mut now) = (Sample { value: 1.0, slope: 0.0 }, Sample { value: s, slope: 1.0 });
+    for _ in 0..k {
+        let next = Sample {
+            value: 2.0 * s * now.value - before.value,
+            slope: 2.0 * now.value + 2.0 * s * now.slope - before.slope,
+        };
+        (before, now) = (now, next);
+    }
+    before
+}
+
+/// `T_k(0) / k`, `k` from 1.
+pub fn at_centre(k: usize) -> f64 {
+    [1.0, 0.0, -1.0, 0.0][k % 4] / k as f64
+}
+
+/// The best line `[value at 0, slope]` to `(T_k(s) - T_k(0)) / k`, least squares over the window. `T_n` of even `n` has
+/// the integral `2 / (1 - n^2)`, and `s T_k = (T_{k+1} + T_{k-1}) / 2`.
+fn polynomial_line(k: usize) -> [f64; 2] {
+    let integral = |n: usize| 2.0 / ((1.0 - (n * n) as f64) * k as f64);
+    match k.is_multiple_of(2) {
+        true => [0.5 * integral(k) - at_centre(k), 0.0],
+        false => [0.0, 0.75 * (integral(k + 1) + integral(k - 1))],
+    }
+}
+
+/// The coefficients by power, from the first on, of each of [`polynomials`]: Taylor's coefficients are the blocks'
+/// sums with these factors.
+pub fn powers_of(order: usize) -> Vec<Vec<f64>> {
+    let mut polynomials = vec![vec![1.0], vec![0.0, 1.0]];
+    for k in 1..order {
+        let mut next = vec![0.0; k + 2];
+        polynomials[k].iter().enumerate().for_each(|(power, c)| next[power + 1] += 2.0 * c);
+        polynomials[k - 1].iter().enumerate().for_each(|(power, c)| next[power] -= c);
+        polynomials.push(next);
+    }
+    let by_power = |(k, polynomial): (usize, Vec<f64>)| polynomial[1..].iter().map(|c| c / k as f64).collect();
+    polynomials.into_iter().enumerate().skip(1).take(order).map(by_power).collect()
+}
+
+/// The powers `s^k`, `k = 1..=order`, continued past the window, for readers without this module.
 pub fn described_powers(order: usize) -> Vec<TimeFunction> {
     let one = |k: usize| {
         let past = Past { line: power_line(k), fade: FADE };

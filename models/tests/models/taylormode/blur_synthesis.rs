@@ -43,7 +43,7 @@ fn slide(place: &Place, pixels: f64, samples: Samples, count: usize, mixing: Mix
         place.tensor(&[depth; 80], [80, 1]),
         place.tensor(&velocity, [80, 3]),
         &camera,
-        exposure.offsets(samples, count),
+        exposure.offsets(samples, count, 1.0),
     );
     let blurred = values(&blurred_color(image, path, None, mixing));
     (blurred.into_iter().step_by(3).collect(), (40..120).map(|i| f64::from(i) + 0.5).collect())

@@ -20,7 +20,8 @@ fn samples_lie_where_equation_7_says() {
     for place in everywhere() {
         let exposure = Exposure::new(0.03, &place.device);
         assert!((exposure.tau_on_host() - 0.03).abs() < 1e-8);
-        assert_near(&place.name, &values(&exposure.offsets(Samples::Ends, 3)), &[-0.015, 0.0, 0.015], 1e-8);
+        assert_near(&place.name, &values(&exposure.offsets(Samples::Ends, 3, 1.0)), &[-0.015, 0.0, 0.015], 1e-8);
+        assert_near(&place.name, &values(&exposure.offsets(Samples::Ends, 3, SHARE)), &[-0.009, 0.0, 0.009], 1e-8);
     }
 }
 
@@ -31,6 +32,9 @@ fn ends_spread_too_far() {
     assert!((spread(Samples::Ends, 7) - 8.0 / 6.0).abs() < 1e-12);
     assert!((spread(Samples::Middles, 7) - (1.0 - 1.0 / 49.0)).abs() < 1e-12);
 }
+
+/// A photo whose shutter was open for less than the others'.
+const SHARE: f64 = 0.6;
 
 #[test]
 fn an_instant_carries_the_gradient_by_the_exposure() {
@@ -49,13 +53,13 @@ fn an_instant_carries_the_gradient_by_the_exposure() {
         let log_tau = 0.2_f64.ln();
         let exposure = |log_tau: f64| Exposure { log_tau: Param::from_tensor(place.tensor(&[log_tau], [1])) };
         let tracked = exposure(log_tau).train();
-        let instants = tracked.instants(WINDOW.t0 + 0.02, Samples::Middles, 4);
-        let plain: f64 = values(&sum(exposure(log_tau).instants(WINDOW.t0 + 0.02, Samples::Middles, 4)))[0];
+        let instants = tracked.instants(WINDOW.t0 + 0.02, Samples::Middles, 4, SHARE);
+        let plain: f64 = values(&sum(exposure(log_tau).instants(WINDOW.t0 + 0.02, Samples::Middles, 4, SHARE)))[0];
         let loss = sum(instants);
         assert_eq!(values(&loss)[0], plain, "{}: the shift changes values", place.name);
         let gradients = loss.backward();
         let gradient = values(&tracked.log_tau.grad(&gradients).expect("tracked"))[0];
-        let at = |x: f64| values(&sum(exposure(x).instants(WINDOW.t0 + 0.02, Samples::Middles, 4)))[0];
+        let at = |x: f64| values(&sum(exposure(x).instants(WINDOW.t0 + 0.02, Samples::Middles, 4, SHARE)))[0];
         let difference = (at(log_tau + 1e-5) - at(log_tau - 1e-5)) / 2e-5;
         assert!((gradient - difference).abs() < 1e-6 * difference.abs(), "{}: {gradient} {difference}", place.name);
     }
@@ -66,7 +70,7 @@ fn offsets_are_differentiable() {
     let place = reference();
     let exposure = Exposure::new(0.5, &place.device).train();
     let weights = Tensor::<1>::from_data([1.0, 0.0, 3.0], &place.device);
-    let gradients = (exposure.offsets(Samples::Ends, 3) * weights).sum().backward();
+    let gradients = (exposure.offsets(Samples::Ends, 3, 1.0) * weights).sum().backward();
     // d/d(ln tau) of -tau / 2 + 3 tau / 2.
     assert_near("log_tau", &values(&exposure.log_tau.grad(&gradients).expect("tracked")), &[0.5], 1e-6);
 }

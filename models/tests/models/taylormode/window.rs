@@ -1,6 +1,6 @@
 //! Outside the window no order may be worse than order 1, and inside the chosen one fits.
 
-use gs_models::taylormode::window::{FADE, best_line, continued, powers};
+use gs_models::taylormode::window::{FADE, best_line, continued, polynomials, powers_of};
 
 /// Frames of one recording, the middles of equal parts of the window.
 const FRAMES: usize = 16;
@@ -25,7 +25,8 @@ fn fit(motion: &dyn Fn(f64) -> f64, order: usize) -> Vec<f64> {
     let mut system = vec![vec![0.0; n + 1]; n];
     for frame in 0..FRAMES {
         let s = (frame as f64 + 0.5) * 2.0 / FRAMES as f64 - 1.0;
-        let basis: Vec<f64> = (0..n).map(|k| s.powi(k as i32)).collect();
+        let basis: Vec<f64> =
+            std::iter::once(1.0).chain(polynomials(s, order).iter().map(|sample| sample.value)).collect();
         for i in 0..n {
             (0..n).for_each(|j| system[i][j] += basis[i] * basis[j]);
             system[i][n] += basis[i] * motion(s);
@@ -47,7 +48,7 @@ fn fit(motion: &dyn Fn(f64) -> f64, order: usize) -> Vec<f64> {
 }
 
 fn position(coefficients: &[f64], s: f64) -> f64 {
-    let series = coefficients[1..].iter().zip(powers(s, coefficients.len() - 1)).map(|(c, b)| c * b.value);
+    let series = coefficients[1..].iter().zip(polynomials(s, coefficients.len() - 1)).map(|(c, b)| c * b.value);
     coefficients[0] + series.sum::<f64>()
 }
 
@@ -88,7 +89,8 @@ fn bare_polynomials_do_extrapolate_worse() {
     let [line, cubic] = [1, 5].map(|order| {
         let c = fit(&motion, order);
         let s: f64 = 2.0;
-        let value: f64 = c.iter().enumerate().map(|(k, c)| c * s.powi(k as i32)).sum();
+        let powers = |powers: &Vec<f64>| powers.iter().enumerate().map(|(k, p)| p * s.powi(k as i32 + 1)).sum::<f64>();
+        let value = c[0] + c[1..].iter().zip(&powers_of(order)).map(|(c, p)| c * powers(p)).sum::<f64>();
         (value - motion(s)).abs()
     });
     assert!(cubic > 1.5 * line, "order 5 is off by {cubic}, order 1 by {line}");
@@ -105,29 +107,29 @@ fn smooth_motion_is_met_inside_at_order_five() {
 
 #[test]
 fn value_and_slope_are_continuous() {
-    for order in 1..=6 {
+    for order in 1..=12 {
         for edge in [-1.0, 1.0, -1.0 - FADE, 1.0 + FADE] {
-            let at = |s: f64| powers(s, order).last().expect("at least one power");
+            let at = |s: f64| *polynomials(s, order).last().expect("at least one polynomial");
             let (before, after) = (at(edge - 1e-9), at(edge + 1e-9));
-            assert!((before.value - after.value).abs() < 1e-6, "value of s^{order} at {edge}");
-            assert!((before.slope - after.slope).abs() < 1e-6, "slope of s^{order} at {edge}");
+            assert!((before.value - after.value).abs() < 1e-6, "value of order {order} at {edge}");
+            assert!((before.slope - after.slope).abs() < 1e-6, "slope of order {order} at {edge}");
         }
     }
     // Order 1 is a straight line everywhere.
     for s in [-7.0, -1.2, 0.3, 1.1, 50.0] {
-        let sample = powers(s, 1).next().expect("one power");
+        let sample = polynomials(s, 1)[0];
         assert!((sample.value - s).abs() < 1e-12 && (sample.slope - 1.0).abs() < 1e-12, "s = {s}");
     }
 }
 
 #[test]
 fn the_line_is_the_best_one() {
-    for k in 1..=6 {
-        let numeric = best_line(|s| s.powi(k));
+    for order in 1..=12 {
+        let last = |s: f64| *polynomials(s, order).last().expect("at least one polynomial");
+        let numeric = best_line(|s| last(s).value);
         let far = 10.0;
-        // Far outside, a power is its line.
-        let sample = powers(far, k as usize).last().expect("at least one power");
-        assert!((numeric[0] + numeric[1] * far - sample.value).abs() < 1e-6, "line of s^{k}");
+        // Far outside, a polynomial is its line.
+        assert!((numeric[0] + numeric[1] * far - last(far).value).abs() < 1e-6, "line of order {order}");
     }
     let untouched = continued(
         0.5,
@@ -135,4 +137,23 @@ fn the_line_is_the_best_one() {
         |s| gs_models::taylormode::window::Sample { value: s, slope: 1.0 },
     );
     assert_eq!(untouched.value, 0.5);
+}
+
+/// Their slopes are derivatives, they are zero at the centre, and Taylor's coefficients give the same values.
+#[test]
+fn polynomials_are_sums_of_powers() {
+    const ORDER: usize = 12;
+    for i in -10..=10 {
+        let s = f64::from(i) / 10.0;
+        let [before, here, after] = [s - 1e-6, s, s + 1e-6].map(|s| polynomials(s.clamp(-1.0, 1.0), ORDER));
+        let width = (s + 1e-6).min(1.0) - (s - 1e-6).max(-1.0);
+        for (k, powers) in powers_of(ORDER).iter().enumerate() {
+            let sum: f64 = powers.iter().enumerate().map(|(j, factor)| factor * s.powi(j as i32 + 1)).sum();
+            assert!((sum - here[k].value).abs() < 1e-11, "order {} at {s}: {sum} {:?}", k + 1, here[k]);
+            let difference = (after[k].value - before[k].value) / width;
+            // Differences at the edges are one-sided: half a step times the curvature, at most k^3 / 3.
+            assert!((difference - here[k].slope).abs() < 1e-3, "order {} at {s}: {difference} {:?}", k + 1, here[k]);
+        }
+    }
+    assert!(polynomials(0.0, ORDER).iter().all(|sample| sample.value == 0.0));
 }

@@ -2,7 +2,7 @@
 //! those of their objects, and the networks that the configuration learns beside them.
 
 use burn::module::Param;
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use glam::{DVec3, Vec3};
 use gs_base::mean;
 use gs_datasets::Scene;
@@ -43,7 +43,9 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Ta
     let kinked = contacts(&cues.tracks, &window, choice.motion.kinks);
     let (order, kinked) =
         shape(&cues.tracks, window, kinked, (cues.scale.widths_per_unit, choice.cues.unseen), choice.motion.order);
-    let mut frame = MotionFrame::new(rows, order, choice.motion.rotation_order, window);
+    let highest = order.max(choice.motion.order_max);
+    let mut frame = MotionFrame::new(rows, highest, choice.motion.rotation_order, window);
+    frame.orders.fill(order as u8);
     if let Some((first, last)) = scene.time_range {
         frame.recording = [first, last];
     }
@@ -58,22 +60,24 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Ta
     }
     let units = Units::new(at.facts.extent, window.half);
     let mut model = Taylormode::new(&frame, exposure, (networks(config), units), config.seed, device);
-    model.exposure_is_stated = choice.blur.exposure == 0.0 && guess.is_none();
+    model.stated_exposure = (choice.blur.exposure == 0.0 && guess.is_none()).then_some(exposure);
     if follows {
         let (blocks, jumps) = initial_paths(&cues.tracks, &frame, means, order);
-        model.motion.position = Param::from_tensor(from_host(blocks, 3 * order, device));
+        let begun: Tensor<2> = from_host(blocks, 3 * order, device);
+        model.motion.position =
+            model.motion.position.map(|all| all.slice_assign([0..frame.rows.len(), 0..3 * order], begun));
         if let Some(kinks) = &mut model.motion.kinks {
             kinks.jumps = Param::from_tensor(from_host(jumps, 3 * frame.contacts.len(), device));
         }
     }
-    if order > 0 && choice.motion.collective {
+    if highest > 0 && choice.motion.collective {
         let objects = match (follows, nothing_found) {
             (true, _) => object_frames(&cues.tracks, &frame, means),
             (false, true) => Vec::new(),
             (false, false) => body_frames(&frame, means),
         };
         model.objects =
-            objects.into_iter().map(|(centre, size)| CommonMotion::new(centre, size, order, device)).collect();
+            objects.into_iter().map(|(centre, size)| CommonMotion::new(centre, size, highest, device)).collect();
     }
     (initial.gaussians, model)
 }

@@ -49,7 +49,7 @@ fn with_blur(gaussians: Gaussians, camera: &Camera, mode: BlurMode) -> Steps {
     let motion = &config.method.motion;
     let rows: Vec<u32> = (0..gaussians.len() as u32).step_by(MOVING).collect();
     let window = TimeWindow { t0: 0.0, half: 1.0 };
-    let frame = MotionFrame::new(rows, motion.order, motion.rotation_order, window);
+    let frame = MotionFrame::new(rows, motion.order_max, motion.rotation_order, window);
     let mut rng = stream(0, Purpose::Bench, 1);
     let mut blocks = |orders: usize| {
         let values = (0..frame.rows.len() * 3 * orders).map(|_| rng.random_range(-DISPLACEMENT..DISPLACEMENT));
@@ -57,9 +57,9 @@ fn with_blur(gaussians: Gaussians, camera: &Camera, mode: BlurMode) -> Steps {
     };
     let networks = (networks(&config), Units::new(1.0, window.half));
     let mut method = Taylormode::new(&frame, EXPOSURE, networks, config.seed, &device);
-    method.motion.position = blocks(motion.order);
+    method.motion.position = blocks(motion.order_max);
     method.motion.rotation = blocks(motion.rotation_order);
-    method.objects = vec![CommonMotion::new(OBJECT.0, OBJECT.1, motion.order, &device)];
+    method.objects = vec![CommonMotion::new(OBJECT.0, OBJECT.1, motion.order_max, &device)];
 
     let (width, height) = (camera.width, camera.height);
     let mask: Vec<u8> =

@@ -32,7 +32,8 @@ pub struct CommonMotion {
 }
 
 /// Unit of positions, in root mean square extents of the object: nearly all of an object lies within, so that a
-/// position adds less than 1 per axis to a step.
+/// position adds less than 1 per axis to a step. A Gaussian farther away has strayed from the object and follows
+/// its shift alone: its turn would be the longest, and shorten those of all others.
 const REACH: f64 = 2.0;
 
 /// Rate of the shift of the whole object, as a factor of the learning rate.
@@ -42,7 +43,7 @@ const SHIFT: f64 = 0.5;
 /// photos, and so fast a rotation is noisy; 0.99 averages a hundred, more than the cameras of most rigs.
 const BETA1: f64 = 0.99;
 
-/// Largest displacement of a position of the object at the ends of the window by one step, as a factor of the learning
+/// Largest displacement of a position of the object by one step, as a factor of the learning
 /// rate; a longer step is scaled down as a whole. Adam's first steps have full length in every number whatever the
 /// gradient: together with the Gaussians' own steps they must not exceed a hundredth of the scene, the bound of the
 /// stability experiment `thrown`.
@@ -96,7 +97,9 @@ impl CommonMotion {
     fn basis(&self, positions: &Tensor<2>, turn: f64) -> Tensor<2> {
         let (device, count) = (positions.device(), positions.dims()[0]);
         let centre: Tensor<2> = Tensor::<1>::from_floats(self.centre.map(|x| x as f32), &device).unsqueeze();
-        let offset = (positions.clone() - centre) * (turn / self.scale);
+        let offset = (positions.clone() - centre) / self.scale;
+        let belongs = offset.clone().abs().max_dim(1).lower_equal_elem(1.0).float();
+        let offset = offset * belongs * turn;
         Tensor::cat(vec![Tensor::full([count, 1], SHIFT, &device), offset], 1)
     }
 
@@ -111,13 +114,17 @@ impl CommonMotion {
         AdamRate { beta1: BETA1, ..*paths }
     }
 
-    /// The change `[M, 3 K]` of the paths' blocks, if the sum was `before` this update; `lr` is the rate of single
-    /// paths.
-    pub fn change(&self, basis: Tensor<2>, before: Tensor<2>, lr: f64) -> Tensor<2> {
-        let change = exact_matmul(basis, self.sum.val() - before);
+    /// The change `[M, 3 K]` of the paths' blocks, if the sum was `before` this update; `learned` `[1, 3 K]` is 0 at
+    /// blocks that no path has, and `lr` is the rate of single paths.
+    pub fn change(&self, basis: Tensor<2>, before: Tensor<2>, learned: &Tensor<2>, lr: f64) -> Tensor<2> {
+        let change = exact_matmul(basis, (self.sum.val() - before) * learned.clone());
         let [count, columns] = change.dims();
-        let lengths = change.clone().reshape([count, columns / 3, 3]).powi_scalar(2).sum_dim(2).sqrt();
-        let farthest = largest(lengths.sum_dim(1)).clamp_min(f32::MIN_POSITIVE);
+        let lengths: Tensor<2> =
+            change.clone().reshape([count, columns / 3, 3]).powi_scalar(2).sum_dim(2).sqrt().squeeze_dim(2);
+        // A block of order k moves by its length / k.
+        let amplitudes: Vec<f32> = (1..=columns / 3).map(|order| 1.0 / order as f32).collect();
+        let amplitudes = Tensor::<1>::from_floats(amplitudes.as_slice(), &change.device()).unsqueeze();
+        let farthest = largest((lengths * amplitudes).sum_dim(1)).clamp_min(f32::MIN_POSITIVE);
         let shortened = (farthest.recip() * (FARTHEST * lr)).clamp_max(1.0);
         change * shortened.reshape([1, 1])
     }
@@ -142,7 +149,7 @@ mod tests {
             let zeros = gradient.zeros_like();
             let (sum, ..) = adam_step(before.clone(), gradient, zeros.clone(), zeros, &config);
             object.sum = Param::from_tensor(sum);
-            object.change(basis, before, LR)
+            object.change(basis, before.clone(), &before.narrow(0, 0, 1).ones_like(), LR)
         };
         objects.iter_mut().zip(bases).map(one).reduce(|a, b| a + b)
     }
@@ -192,7 +199,8 @@ mod tests {
         let change = step(object, &positions, from_host(gradients, 12, &device));
         let length = |block: &[f32]| block.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
         for blocks in change.chunks_exact(12) {
-            let moved: f64 = blocks.chunks_exact(3).map(length).sum();
+            let moved: f64 =
+                blocks.chunks_exact(3).map(length).zip(1..).map(|(long, order)| long / f64::from(order)).sum();
             assert!((moved / (FARTHEST * LR) - 1.0).abs() < 1e-5, "{moved}");
         }
     }
@@ -219,6 +227,26 @@ mod tests {
         let together = to_host(together.expect("there are objects"));
         assert!(together.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-6), "{together:?}, alone {expected:?}");
         assert!(step_together(&mut [], &positions, &gradients).is_none());
+    }
+
+    /// A Gaussian ten extents away neither turns with the object nor keeps it from turning.
+    #[test]
+    fn a_stray_follows_the_shift_alone() {
+        let device = gs_burn::device::select("auto").expect("a device");
+        let (offsets, positions) = corners(&device);
+        let stray: Tensor<2> = Tensor::<1>::from_floats([11.0, 2.0, 3.0], &device).unsqueeze();
+        let object = || CommonMotion::new([1.0, 2.0, 3.0], 0.75_f64.sqrt(), 1, &device);
+        let turn: Vec<f32> = offsets.iter().flat_map(|o| [o[1], -o[0], 0.0]).map(|x| x as f32).collect();
+        let alone = step(object(), &positions, from_host(turn.clone(), 3, &device));
+        let gradients = from_host([turn, vec![0.0, 5.0, 0.0]].concat(), 3, &device);
+        let both = step(object(), &Tensor::cat(vec![positions, stray], 0), gradients);
+        let shift = (SHIFT * LR) as f32;
+        let near = |a: &f32, b: &f32| (a - b).abs() < 1e-6;
+        for (moved, expected) in both.chunks_exact(3).zip(alone.chunks_exact(3)) {
+            let shifted = [expected[0], expected[1] - shift, expected[2]];
+            assert!(moved.iter().zip(&shifted).all(|(a, b)| near(a, b)), "{moved:?}, expected {shifted:?}");
+        }
+        assert!(near(&both[24], &0.0) && near(&both[25], &-shift) && near(&both[26], &0.0), "{:?}", &both[24..]);
     }
 
     #[test]

@@ -76,11 +76,11 @@ choice! {
 section! {
     /// How Gaussians move (Eq. 2 and 3), and the selection of their orders.
     pub struct MotionConfig {
-        /// Order of a Gaussian's path before selection. Higher: it follows stronger curvature, and diverges sooner
-        /// outside the window.
+        /// Least order with which a Gaussian's path begins.
         order: usize = 3, in 0..=MAX_ORDER;
-        /// Highest initial order, where the path of the moving object's centre needs more than `order` (by BIC).
-        order_max: usize = 6;
+        /// Highest order of a path. Paths begin with the order that the centre of their object needs (by BIC, from
+        /// `order` to 6); higher ones are learned as `curriculum` opens the recording.
+        order_max: usize = 10;
         /// Most kinks in a path, times at which the velocity of every moving Gaussian may jump, as the centre's does
         /// (by BIC).
         kinks: usize = 2, in 0..=MAX_KINKS;
@@ -110,8 +110,8 @@ section! {
         select_every: usize = 100, in 1..;
         /// Largest change of a Gaussian's position in a training view, pixels, at which a lower order is accepted.
         select_pixels: f64 = NOTICEABLE, in NOT_NEGATIVE;
-        /// Soft threshold of each coefficient block at each selection, pixels at the window's edge.
-        shrink_pixels: f64 = 0.02, in NOT_NEGATIVE;
+        /// Soft threshold of each coefficient block at each selection, pixels.
+        shrink_pixels: f64 = 0.05, in NOT_NEGATIVE;
     }
     also check_orders;
 }
@@ -221,15 +221,16 @@ section! {
     }
 }
 
-/// Highest accepted order of a path: at higher orders, powers of the normalised time are nearly dependent in f32.
-const MAX_ORDER: usize = 6;
+/// Highest accepted order of a path: above, Taylor's coefficients in f32, which files store, lose a thousandth of the
+/// path's length.
+const MAX_ORDER: usize = 12;
 
 /// Most kinks of a path: with three, any one wrong centre becomes a spike.
 const MAX_KINKS: usize = 2;
 
 fn check_orders(motion: &MotionConfig) -> Result<(), ConfigError> {
     let above = (motion.order..=MAX_ORDER).contains(&motion.order_max);
-    check("motion.order_max", motion.order_max, above, "from motion.order to 6")
+    check("motion.order_max", motion.order_max, above, "from motion.order to 12")
 }
 
 fn check_samples(blur: &BlurConfig) -> Result<(), ConfigError> {

@@ -23,6 +23,8 @@ pub struct PhotoPriors {
     pub depth: Option<(Arc<Vec<f32>>, DepthSpace, bool)>,
     /// World velocity of the moving object's centre (Eq. 17), scene units per unit of time.
     pub guide: Option<[f64; 3]>,
+    /// How long the shutter was open, as the data set states it, its unit of time.
+    pub exposure: Option<f64>,
 }
 
 /// The pixels at which a formed blur is compared.
@@ -61,6 +63,7 @@ impl PhotoPriors {
             sharp: view.priors.sharp.as_ref().map(|image| to_tensor(view, &image.data, 3, device)),
             depth: view.priors.depth.as_ref().map(depth),
             guide: cues.guides.get(index).copied().flatten(),
+            exposure: view.exposure,
         }
     }
 }

@@ -103,9 +103,10 @@ struct Splatted {
     viewmat: Tensor<2>,
 }
 
-/// The blurred image of a view over the learned exposure, by exact integration, `[H, W, 3]` from 0 to 1.
+/// The blurred image of a view over its share of the learned exposure, by exact integration, `[H, W, 3]` from 0 to 1.
 pub fn form_blur(model: &Taylormode, gaussians: &Gaussians, view: &View, at: &Step) -> Tensor<3> {
-    blur_over(gaussians, &model.motion, model.exposure_on_host(), view, at)
+    let exposure = model.exposure_on_host() * model.exposure_share(view.exposure);
+    blur_over(gaussians, &model.motion, exposure, view, at)
 }
 
 /// The blurred image of a view over any exposure, in the data set's unit of time.

@@ -113,7 +113,8 @@ impl Formation<'_> {
         let render = RenderOptions { depth: self.needs_depth(), ..self.options };
         let options = ExposureOptions { render, linear: blur.linear, room: self.room };
         // Midpoints: their mean is exact to second order, and covers the shutter's interval for any count.
-        let instants = self.exposure().instants(self.photo.time, Samples::Middles, blur.samples_at(self.progress));
+        let instants =
+            self.exposure().instants(self.photo.time, Samples::Middles, blur.samples_at(self.progress), self.share());
         let rows = &self.model.motion.rows;
         let formed = expose(&gaussians, &self.paths, rows, &instants, &self.photo.camera, &options, screen.clone());
         let image = self.photo.image.clone();
@@ -165,7 +166,7 @@ impl Formation<'_> {
 
         let depth = pixels.of(self.hybrid_depth(&centre));
         let velocity = camera_velocity(self.velocity(pixels, &centre, &depth), &photo.camera.viewmat);
-        let offsets = self.exposure().offsets(Samples::Ends, blur.samples);
+        let offsets = self.exposure().offsets(Samples::Ends, blur.samples, self.share());
         let path = blur_path(pixels, depth.clone(), velocity.clone(), &photo.camera.intrinsics, offsets);
         let weights = self.model.weights.as_ref().map(|network| network.forward(depth, velocity.clone()));
         // Section 3.4 and Figure 1 split the image by its mask: the colours of static pixels get no gradient from the
@@ -244,6 +245,11 @@ impl Formation<'_> {
     fn exposure(&self) -> Exposure {
         let exposure = self.model.exposure.clone();
         if self.config.method.blur.learn_exposure { exposure } else { exposure.valid() }
+    }
+
+    /// The photo's share of the exposure.
+    fn share(&self) -> f64 {
+        self.model.exposure_share(self.photo.extra.exposure)
     }
 
     /// The scene with its static Gaussians out of the graph (section 3.4).

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use gs_base::dense::solve_columns;
+use gs_models::taylormode::window::polynomials;
 use gs_models::taylormode::{Contact, MotionFrame, TimeWindow};
 use gs_multiview::{Kink, Track, Trajectory};
 
@@ -46,7 +47,7 @@ fn missed_by(path: &Trajectory, window: TimeWindow, contacts: &[Contact], blocks
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// Times at which a path is known, with the values of the powers and ramps and the displacement since `t0`.
+/// Times at which a path is known, with the values of the polynomials and ramps and the displacement since `t0`.
 fn displacements(
     path: &Trajectory,
     window: TimeWindow,
@@ -58,8 +59,8 @@ fn displacements(
     (0..count).map(move |i| {
         let t = path.t0 + path.half * (2.0 * i as f64 / (count - 1) as f64 - 1.0);
         let s = window.normalised(t);
-        let powers = (1..=order as i32).map(|k| s.powi(k));
-        (powers.chain(contacts.iter().map(|contact| contact.ramp(s).value)).collect(), path.position(t) - start)
+        let polynomials = polynomials(s, order).into_iter().map(|sample| sample.value);
+        (polynomials.chain(contacts.iter().map(|contact| contact.ramp(s).value)).collect(), path.position(t) - start)
     })
 }
 
@@ -105,8 +106,8 @@ pub fn nearest(tracks: &[Track], t: f64, position: DVec3) -> usize {
 /// was seen only after a contact) stay zero, and the others change in the tenth digit.
 const RIDGE: f64 = 1e-10;
 
-/// The path as coefficient blocks of the window, first of the powers, then of the contacts. They are the least squares
-/// fit of `sum_k c_k s^k + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0` over the times at
+/// The path as coefficient blocks of the window, first of the polynomials, then of the contacts. They are the least
+/// squares fit of `sum_k c_k f_k(s) + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0` over the times at
 /// which the path is known.
 pub fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, contacts: &[Contact]) -> Vec<f32> {
     let columns = order + contacts.len();
@@ -147,8 +148,9 @@ mod tests {
             let blocks = displacement_blocks(&path, window, 3, &[]);
             for t in [0.0, 0.3, 0.8, 1.0] {
                 let s = window.normalised(t);
+                let values = polynomials(s, 3);
                 let moved: Vec<f64> =
-                    (0..3).map(|a| (0..3).map(|k| f64::from(blocks[3 * k + a]) * s.powi(k as i32 + 1)).sum()).collect();
+                    (0..3).map(|a| (0..3).map(|k| f64::from(blocks[3 * k + a]) * values[k].value).sum()).collect();
                 assert!((DVec3::from_slice(&moved) - (truth(t) - truth(window.t0))).length() < 1e-5, "{t}: {moved:?}");
             }
         }

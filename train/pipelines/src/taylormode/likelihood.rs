@@ -10,7 +10,7 @@ use gs_burn::adam::Adam;
 use gs_burn::exposure::ExposureOptions;
 use gs_datasets::View;
 use gs_models::taylormode::shrinkage::pixels_per_unit;
-use gs_models::taylormode::{Evidence, Exposure, Samples, TaylorMotion};
+use gs_models::taylormode::{Evidence, Samples, TaylorMotion};
 
 use super::blur::expose;
 use super::config::BlurMode;
@@ -23,14 +23,19 @@ use gs_train::fit::photos::{camera, mask_of, to_tensor};
 /// Photos that judge a proposal, spread evenly over the training views: enough that no single one decides.
 const PHOTOS: usize = 6;
 
-/// Shares of the threshold in pixels that are tried in turn until the photos agree.
-const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
+/// Factors on the threshold in pixels that are tried in turn until the photos agree: where they do not ask for the
+/// motion, much more than the threshold may go.
+const SHARES: [f64; 5] = [4.0, 2.0, 1.0, 0.5, 0.25];
+
+/// Share of the run after which no block is shrunk: the orders that are left regain the amplitude that they lost.
+const SHRINK_UNTIL: f64 = 0.8;
 
 /// A scene to be judged.
 struct Candidate<'a> {
     gaussians: &'a Gaussians,
     motion: &'a TaylorMotion,
-    exposure: &'a Exposure,
+    /// The model that the motion was proposed for; its exposure forms the blur.
+    model: &'a Taylormode,
 }
 
 /// Selects, and reverts the selection if the photos need the removed motion (Schwarz's criterion, with pixels that
@@ -47,16 +52,18 @@ pub fn select_with_check(
     }
     let device = gaussians.device();
     let judges: Vec<&View> = views.iter().step_by(views.len().div_ceil(PHOTOS)).collect();
-    let present = Candidate { gaussians, motion: &model.motion, exposure: &model.exposure };
+    let present = Candidate { gaussians, motion: &model.motion, model: &model };
     let before: Vec<Tensor<3>> = judges.iter().map(|view| present.formed(view, at)).collect();
     let area = present.blur_area(views);
     for share in SHARES {
         let mut config = at.config.method.motion.clone();
         config.select_pixels *= share;
+        if at.step as f64 > SHRINK_UNTIL * at.config.steps as f64 {
+            config.shrink_pixels = 0.0;
+        }
         let selection = select(gaussians, &model.motion, views, &config);
         let dropped = blocks(&model.motion) - blocks(&selection.motion);
-        let simpler =
-            Candidate { gaussians: &selection.gaussians, motion: &selection.motion, exposure: &model.exposure };
+        let simpler = Candidate { gaussians: &selection.gaussians, motion: &selection.motion, model: &model };
         let one =
             |(view, before): (&&View, &Tensor<3>)| compared(view, simpler.formed(view, at), before.clone(), &device);
         let [lower, higher, pixels] = judges.iter().zip(&before).map(one).fold([0.0; 3], add);
@@ -93,7 +100,8 @@ impl Candidate<'_> {
         let blur = &at.config.method.blur;
         let render = at.facts.render_options(&at.config.render, self.gaussians.sh_degree());
         let count = if blur.mode == BlurMode::None { 1 } else { blur.samples };
-        let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), self.exposure.tau_on_host(), count);
+        let exposure = self.model.exposure_on_host() * self.model.exposure_share(view.exposure);
+        let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), exposure, count);
         let options = ExposureOptions { render, linear: blur.linear, room: None };
         let (paths, device) = (self.motion.paths(&self.gaussians.means.val()), self.gaussians.device());
         expose(self.gaussians, &paths, &self.motion.rows, &instants, &camera(view, &device), &options, None).color
@@ -105,7 +113,7 @@ impl Candidate<'_> {
         let speeds = to_host(paths.velocity(paths.window.t0));
         let means = to_host(self.gaussians.means.val());
         let scales = pixels_per_unit(&means, &self.motion.rows, &view_scales(views));
-        let exposure = self.exposure.tau_on_host();
+        let exposure = self.model.exposure_on_host();
         let lengths = speeds
             .as_chunks::<3>()
             .0

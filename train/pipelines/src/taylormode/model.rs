@@ -26,8 +26,9 @@ pub struct Taylormode {
     pub velocity: Option<DirectVelocity>,
     /// The common motion of each object, if it is learned.
     pub objects: Vec<CommonMotion>,
-    /// Whether the initial exposure is the one that the data set states.
-    pub exposure_is_stated: bool,
+    /// The exposure that the data set states, its unit of time, with which the learned one begins: the median where
+    /// cameras differ.
+    pub stated_exposure: Option<f64>,
     /// Units of depths (scene units) and speeds (scene units per unit of time) in the networks.
     #[module(skip)]
     pub units: Units,
@@ -64,7 +65,8 @@ pub struct Networks {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
     motion: MotionFrame,
-    exposure_is_stated: bool,
+    /// As bits.
+    stated_exposure: Option<u64>,
     networks: Networks,
     /// Units of depth and velocity, as bits.
     units: [u64; 2],
@@ -115,7 +117,7 @@ impl Taylormode {
             weights: (networks.weights > 0).then(weights),
             velocity: networks.velocity.then(direct),
             objects: Vec::new(),
-            exposure_is_stated: false,
+            stated_exposure: None,
             units,
         }
     }
@@ -138,11 +140,17 @@ impl Taylormode {
         self.exposure.tau_on_host()
     }
 
+    /// The share of the learned exposure for which the shutter of a photo was open; `stated` is what the data set says
+    /// of that photo, its unit of time. Cameras of one rig may differ.
+    pub fn exposure_share(&self, stated: Option<f64>) -> f64 {
+        stated.zip(self.stated_exposure).map_or(1.0, |(own, usual)| own / usual)
+    }
+
     /// The constants of the module.
     pub fn frame_data(&self) -> Frame {
         Frame {
             motion: self.motion.frame(),
-            exposure_is_stated: self.exposure_is_stated,
+            stated_exposure: self.stated_exposure.map(f64::to_bits),
             networks: Networks {
                 peano: self.peano.is_some(),
                 weights: self.weights.as_ref().map_or(0, BlurWeights::samples),
@@ -159,7 +167,7 @@ impl Taylormode {
         let order = frame.motion.order;
         let shell = Self::new(&frame.motion, 1.0, (frame.networks, Units { depth, velocity }), seed, device);
         let objects = frame.objects.iter().map(|bits| CommonMotion::of_bits(*bits, order, device)).collect();
-        Self { objects, exposure_is_stated: frame.exposure_is_stated, ..shell }
+        Self { objects, stated_exposure: frame.stated_exposure.map(f64::from_bits), ..shell }
     }
 
     /// Checks that the tensors fit each other and `gaussians` rows.
@@ -190,5 +198,23 @@ impl Taylormode {
             return Err("the exposure is not one number".into());
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A camera whose shutter is open for half as long as the usual one's; a photo that says nothing has the usual.
+    #[test]
+    fn each_photo_has_its_own_shutter() {
+        let device = gs_burn::device::select("auto").expect("a device");
+        let frame = MotionFrame::new(Vec::new(), 0, 0, TimeWindow { t0: 0.0, half: 1.0 });
+        let mut model = Taylormode::new(&frame, 0.2, (Networks::default(), Units::new(1.0, 1.0)), 1, &device);
+        assert_eq!(model.exposure_share(Some(0.1)), 1.0, "an exposure that was configured holds for all");
+        model.stated_exposure = Some(0.2);
+        assert_eq!([Some(0.1), None, Some(0.0)].map(|own| model.exposure_share(own)), [0.5, 1.0, 0.0]);
+        let restored = Taylormode::of_frame(&model.frame_data(), 1, &device);
+        assert_eq!(restored.stated_exposure, Some(0.2));
     }
 }

@@ -44,7 +44,7 @@ impl DynamicScene for ExposedScene {
 #[cfg(test)]
 mod tests {
     use burn::tensor::{Device, Tensor};
-    use gs_models::taylormode::window::{described_powers, powers};
+    use gs_models::taylormode::window::{described_powers, polynomials, powers_of};
     use gs_models::taylormode::{Contact, Remainder};
     use gs_splats::TimeFunction;
 
@@ -63,12 +63,16 @@ mod tests {
             described_powers(4).into_iter().chain(remainder.described()).chain(contacts.iter().map(Contact::described));
         let functions: Vec<TimeFunction> = described.map(|function| time_function(&function)).collect();
         for s in TIMES {
-            let exact = powers(s, 4)
+            let exact = polynomials(s, 4)
+                .into_iter()
                 .chain(remainder.functions(s))
                 .chain(contacts.iter().map(|contact| contact.ramp(s)))
                 .map(|sample| sample.value);
-            for (index, (function, exact)) in functions.iter().zip(exact).enumerate() {
-                let value = function.at(s);
+            let mut values: Vec<f64> = functions.iter().map(|function| function.at(s)).collect();
+            let powers = values[..4].to_vec();
+            let sum = |factors: Vec<f64>| factors.iter().zip(&powers).map(|(factor, power)| factor * power).sum();
+            values.splice(..4, powers_of(4).into_iter().map(sum));
+            for (index, (value, exact)) in values.into_iter().zip(exact).enumerate() {
                 assert!((value - exact).abs() < 1e-12, "function {index} at s = {s}: {value}, not {exact}");
             }
         }

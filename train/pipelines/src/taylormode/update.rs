@@ -8,6 +8,7 @@ use gs_models::taylormode::TaylorMotion;
 
 use super::common_motion::{CommonMotion, bases};
 use super::config::BlurMode;
+use super::curriculum::opening;
 use super::{Config, Step, Taylormode};
 use gs_train::fit::schedule::exponential;
 
@@ -46,7 +47,8 @@ impl Rates {
         // across the scene.
         let warm = (step as f64 / WARM_UP.min(WARM_UP_SHARE * config.steps as f64).max(1.0)).min(1.0);
         let decay = warm * exponential(1.0, motion.final_share, step, config.steps);
-        let held = if model.exposure_is_stated { (blur.exposure_from * config.steps as f64) as usize } else { 0 };
+        let held =
+            if model.stated_exposure.is_some() { (blur.exposure_from * config.steps as f64) as usize } else { 0 };
         let exposure = match blur.learn_exposure && step > held {
             true => blur.exposure_lr * exponential(1.0, motion.final_share, step - held, config.steps - held),
             false => 0.0,
@@ -85,7 +87,7 @@ pub fn learns_exposure(model: &Taylormode, config: &Config) -> bool {
         BlurMode::Warp => config.method.prior.blur > 0.0,
         BlurMode::Integrate => true,
     };
-    blur.learn_exposure && is_compared && !(model.exposure_is_stated && blur.exposure_from >= 1.0)
+    blur.learn_exposure && is_compared && !(model.stated_exposure.is_some() && blur.exposure_from >= 1.0)
 }
 
 impl Taylormode {
@@ -114,10 +116,15 @@ impl Taylormode {
         let rests = |path: &str| common.is_none() && path.starts_with("method.objects.");
         let rate = |path: &str| (!rests(path)).then(|| rates.at(path));
         let mut model: Self = adam.update_under(ROOT, self, gradients, rate);
+        // Blocks that are not learned yet would shorten the step of the others.
+        let learned = model.motion.learned_blocks();
         let changes = common.into_iter().flatten().zip(&model.objects);
-        let change = changes.map(|((basis, before), object)| object.change(basis, before, rates.position));
+        let change = changes.map(|((basis, before), object)| object.change(basis, before, &learned, rates.position));
         if let Some(change) = change.reduce(|a, b| a + b) {
             model.motion.position = model.motion.position.map(|position| position + change);
+        }
+        if let Some(share) = opening(at) {
+            model.motion.open((share * model.motion.order() as f64).ceil() as usize);
         }
         model.held_to_orders(adam)
     }

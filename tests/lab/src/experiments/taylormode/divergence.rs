@@ -5,7 +5,7 @@ use anyhow::Result;
 use burn::tensor::{Device, Tensor, TensorData};
 use glam::DVec3;
 use gs_base::least_squares::least_squares;
-use gs_models::taylormode::window::powers;
+use gs_models::taylormode::window::polynomials;
 use gs_models::taylormode::{Kinks, Paths, Remainder, TimeWindow};
 use gs_multiview::{Centre, Track, Trajectory};
 use gs_pipelines::taylormode::initial_paths::{contacts, displacement_blocks};
@@ -95,7 +95,7 @@ impl Fit {
         let shell = Remainder { weights: Tensor::zeros([1, 1], device), order };
         let basis = |s: f64| -> Vec<f64> {
             let rest = if with_rest { shell.functions(s) } else { Vec::new() };
-            let moving = powers(s, order).chain(rest).map(|sample| sample.value);
+            let moving = polynomials(s, order).into_iter().chain(rest).map(|sample| sample.value);
             std::iter::once(1.0).chain(moving).collect()
         };
         let times: Vec<f64> = (0..FRAMES).map(|frame| (frame as f64 + 0.5) * 2.0 / FRAMES as f64 - 1.0).collect();

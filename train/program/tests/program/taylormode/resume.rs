@@ -76,7 +76,7 @@ fn a_bounce_resumes_to_the_same_bits() {
     resumes_on(&world, folder, &["blur.exposure_from=0.6"]);
     let state = learned(&folder.join("whole"));
     let motion = &state.motion;
-    assert!(!motion.contacts().is_empty() && state.objects.len() == 1 && state.exposure_is_stated);
+    assert!(!motion.contacts().is_empty() && state.objects.len() == 1 && state.stated_exposure.is_some());
     let jumps = to_host(motion.kinks.as_ref().expect("kinks").jumps.val());
     assert_eq!(jumps.len(), 3 * motion.contacts().len() * motion.rows.len());
     assert!(jumps.iter().any(|jump| *jump != 0.0), "nothing jumps");
