@@ -62,8 +62,8 @@ impl Exposure {
         self.log_tau.to_data().iter::<f64>().next().unwrap_or(f64::NAN).exp()
     }
 
-    /// Offsets of `count` samples from the exposure's centre, `[count]`, the data set's unit of time. Eq. 7. The photo's
-    /// shutter was open for the `share` of `tau` (1: all).
+    /// Offsets of `count` samples from the exposure's centre, `[count]`, the data set's unit of time. Eq. 7. The
+    /// photo's shutter was open for the `share` of `tau` (1: all).
     pub fn offsets(&self, samples: Samples, count: usize, share: f64) -> Tensor<1> {
         let tau = self.tau() * share;
         let options = (&tau.device(), tau.dtype());

@@ -219,10 +219,10 @@ impl TaylorMotion {
         self.orders.iter_mut().for_each(|own| *own = order.max(*own));
     }
 
-    /// `[1, 3 K]`, 1 in the blocks of the position that some path has and 0 above.
-    pub fn learned_blocks(&self) -> Tensor<2> {
+    /// `[1, 3 K]`, 1 in the blocks of the position that some path has and 0 above; `None` where one has all.
+    pub fn learned_blocks(&self) -> Option<Tensor<2>> {
         let highest = self.orders.iter().max().copied().unwrap_or(0);
-        block_mask(&[highest], &self.position)
+        (usize::from(highest) < self.order()).then(|| block_mask(&[highest], &self.position))
     }
 
     /// For each of `position` and `rotation`, 1 in the blocks up to each Gaussian's order and 0 above, of the

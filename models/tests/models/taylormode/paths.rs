@@ -2,6 +2,7 @@
 
 use burn::tensor::Tensor;
 use gs_burn::Gaussians;
+use gs_models::taylormode::window::powers_of;
 use gs_models::taylormode::{Paths, RemainderFrame, TimeWindow};
 use gs_tests::devices::{doubles, everywhere, reference};
 use gs_tests::finite_differences::assert_derivatives;
@@ -61,7 +62,7 @@ fn rows_that_are_not_listed_stay() {
     assert_eq!(values(&quats), values(&moved.quats.val().select(0, paths.rows.clone())));
 }
 
-/// Coefficients are `f^(k) half^k / k!`: the series of `sin(3 t)` about t0, whose error falls as `half^(n+1)`.
+/// Taylor's coefficients are `f^(k) half^k / k!`: the series of `sin(3 t)` about t0, whose error falls as `half^(n+1)`.
 #[test]
 fn the_error_falls_with_the_order() {
     let place = reference();
@@ -70,13 +71,18 @@ fn the_error_falls_with_the_order() {
         let errors = halves.map(|half| {
             let window = TimeWindow { t0: 0.7, half };
             let mut factorial = 1.0;
-            let blocks = (1..=order).flat_map(|k| {
+            let coefficients = (1..=order).map(|k| {
                 factorial *= k as f64;
                 let turned = 3.0 * window.t0 + k as f64 * std::f64::consts::FRAC_PI_2;
-                let coefficient = 3_f64.powi(k as i32) * turned.sin() * half.powi(k as i32) / factorial;
-                [coefficient, 0.0, 0.0]
+                3_f64.powi(k as i32) * turned.sin() * half.powi(k as i32) / factorial
             });
-            let position: Vec<f64> = blocks.collect();
+            let mut blocks: Vec<f64> = coefficients.collect();
+            // The blocks whose polynomials have these coefficients, from the highest power on.
+            for (k, powers) in powers_of(order).iter().enumerate().rev() {
+                blocks[k] /= powers[k];
+                (0..k).for_each(|power| blocks[power] -= powers[power] * blocks[k]);
+            }
+            let position: Vec<f64> = blocks.iter().flat_map(|block| [*block, 0.0, 0.0]).collect();
             let paths = Paths {
                 rows: rows(place, &[0]),
                 position: place.tensor(&position, [1, 3 * order]),
@@ -157,7 +163,7 @@ fn known_trajectories_are_recovered() {
         let targets: Vec<Tensor<2>> = times.iter().map(|t| seen(&of(&truth), *t)).collect();
         let mut found = truth.clone().map(|tensor| tensor.zeros_like());
         let mut momenta = found.clone();
-        // Heavy ball: the powers on -1..1 make a quadratic of condition about 100.
+        // Heavy ball, for a quadratic of condition 100: the polynomials on -1..1 make one below it.
         for _ in 0..600 {
             let leaves = found.clone().map(|tensor| tensor.autodiff().require_grad());
             let tracked = of(&leaves);

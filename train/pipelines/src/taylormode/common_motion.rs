@@ -97,9 +97,9 @@ impl CommonMotion {
     fn basis(&self, positions: &Tensor<2>, turn: f64) -> Tensor<2> {
         let (device, count) = (positions.device(), positions.dims()[0]);
         let centre: Tensor<2> = Tensor::<1>::from_floats(self.centre.map(|x| x as f32), &device).unsqueeze();
-        let offset = (positions.clone() - centre) / self.scale;
-        let belongs = offset.clone().abs().max_dim(1).lower_equal_elem(1.0).float();
-        let offset = offset * belongs * turn;
+        let offset = (positions.clone() - centre) * (turn / self.scale);
+        let belongs = offset.clone().abs().max_dim(1).lower_equal_elem(turn).float();
+        let offset = offset * belongs;
         Tensor::cat(vec![Tensor::full([count, 1], SHIFT, &device), offset], 1)
     }
 
@@ -115,16 +115,21 @@ impl CommonMotion {
     }
 
     /// The change `[M, 3 K]` of the paths' blocks, if the sum was `before` this update; `learned` `[1, 3 K]` is 0 at
-    /// blocks that no path has, and `lr` is the rate of single paths.
-    pub fn change(&self, basis: Tensor<2>, before: Tensor<2>, learned: &Tensor<2>, lr: f64) -> Tensor<2> {
-        let change = exact_matmul(basis, (self.sum.val() - before) * learned.clone());
+    /// blocks that no path has (`None`: there are none), and `lr` is the rate of single paths.
+    pub fn change(&self, basis: Tensor<2>, before: Tensor<2>, learned: Option<&Tensor<2>>, lr: f64) -> Tensor<2> {
+        let step = self.sum.val() - before;
+        let step = match learned {
+            Some(learned) => step * learned.clone(),
+            None => step,
+        };
+        let change = exact_matmul(basis, step);
         let [count, columns] = change.dims();
         let lengths: Tensor<2> =
             change.clone().reshape([count, columns / 3, 3]).powi_scalar(2).sum_dim(2).sqrt().squeeze_dim(2);
         // A block of order k moves by its length / k.
         let amplitudes: Vec<f32> = (1..=columns / 3).map(|order| 1.0 / order as f32).collect();
-        let amplitudes = Tensor::<1>::from_floats(amplitudes.as_slice(), &change.device()).unsqueeze();
-        let farthest = largest((lengths * amplitudes).sum_dim(1)).clamp_min(f32::MIN_POSITIVE);
+        let amplitudes = Tensor::<1>::from_floats(amplitudes.as_slice(), &change.device()).unsqueeze_dim(1);
+        let farthest = largest(exact_matmul(lengths, amplitudes)).clamp_min(f32::MIN_POSITIVE);
         let shortened = (farthest.recip() * (FARTHEST * lr)).clamp_max(1.0);
         change * shortened.reshape([1, 1])
     }
@@ -149,7 +154,7 @@ mod tests {
             let zeros = gradient.zeros_like();
             let (sum, ..) = adam_step(before.clone(), gradient, zeros.clone(), zeros, &config);
             object.sum = Param::from_tensor(sum);
-            object.change(basis, before.clone(), &before.narrow(0, 0, 1).ones_like(), LR)
+            object.change(basis, before, None, LR)
         };
         objects.iter_mut().zip(bases).map(one).reduce(|a, b| a + b)
     }

@@ -11,8 +11,8 @@ use gs_train::fit::random::{Purpose, stream};
 use gs_train::fit::sampler::{Sampler, ViewOrder};
 
 /// The share of the recording that photos have opened at a step, 0 to 1; `None` once all of it is open. Orders of paths
-/// open with it: with all orders from the start, what the few photos at the middle do not determine
-/// carries the paths away elsewhere.
+/// open with it: with all orders from the start, what the few photos at the middle do not determine carries the paths
+/// away elsewhere.
 pub fn opening(at: &Step) -> Option<f64> {
     let steps = (at.config.method.motion.curriculum * at.config.steps as f64) as usize;
     let opened = at.step as f64 / steps.max(1) as f64;

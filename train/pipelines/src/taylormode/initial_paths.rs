@@ -107,8 +107,8 @@ pub fn nearest(tracks: &[Track], t: f64, position: DVec3) -> usize {
 const RIDGE: f64 = 1e-10;
 
 /// The path as coefficient blocks of the window, first of the polynomials, then of the contacts. They are the least
-/// squares fit of `sum_k c_k f_k(s) + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0` over the times at
-/// which the path is known.
+/// squares fit of `sum_k c_k f_k(s) + sum_j a_j r_j(s)`, without a constant, to the displacement since `t0` over the
+/// times at which the path is known.
 pub fn displacement_blocks(path: &Trajectory, window: TimeWindow, order: usize, contacts: &[Contact]) -> Vec<f32> {
     let columns = order + contacts.len();
     let mut normal = vec![vec![0.0; columns + 3]; columns];

@@ -119,7 +119,8 @@ impl Taylormode {
         // Blocks that are not learned yet would shorten the step of the others.
         let learned = model.motion.learned_blocks();
         let changes = common.into_iter().flatten().zip(&model.objects);
-        let change = changes.map(|((basis, before), object)| object.change(basis, before, &learned, rates.position));
+        let change =
+            changes.map(|((basis, before), object)| object.change(basis, before, learned.as_ref(), rates.position));
         if let Some(change) = change.reduce(|a, b| a + b) {
             model.motion.position = model.motion.position.map(|position| position + change);
         }
