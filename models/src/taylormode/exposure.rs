@@ -29,6 +29,11 @@ impl Samples {
         (0..count).map(one).collect()
     }
 
+    /// [`offsets`](Self::offsets) of a photo whose shutter was open for a share of the exposure.
+    fn shared(self, count: usize, share: f64) -> Vec<f64> {
+        self.offsets(count).into_iter().map(|offset| offset * share).collect()
+    }
+
     /// The samples as moments around `t` of an exposure of `tau`, both in the data set's unit of time.
     pub fn instants(self, t: f64, tau: f64, count: usize) -> Instants {
         self.offsets(count).into_iter().map(|offset| t + offset * tau).collect::<Vec<f64>>().into()
@@ -65,9 +70,9 @@ impl Exposure {
     /// Offsets of `count` samples from the exposure's centre, `[count]`, the data set's unit of time. Eq. 7. The
     /// photo's shutter was open for the `share` of `tau` (1: all).
     pub fn offsets(&self, samples: Samples, count: usize, share: f64) -> Tensor<1> {
-        let tau = self.tau() * share;
+        let tau = self.tau();
         let options = (&tau.device(), tau.dtype());
-        tau * Tensor::<1>::from_data(TensorData::new(samples.offsets(count), [count]), options)
+        tau * Tensor::<1>::from_data(TensorData::new(samples.shared(count, share), [count]), options)
     }
 
     /// The same samples as moments around `t`, for models that move Gaussians to each. When `log_tau` is tracked, they
@@ -75,8 +80,7 @@ impl Exposure {
     /// the derivative of a position by time is its velocity. Reads `tau` back from the device.
     pub fn instants(&self, t: f64, samples: Samples, count: usize, share: f64) -> Instants {
         let change = self.log_tau.is_tracked().then(|| self.tau() - self.tau().detach());
-        let rates = || samples.offsets(count).into_iter().map(|offset| offset * share).collect();
-        let shift = change.map(|change| Shift { change, rates: rates() });
+        let shift = change.map(|change| Shift { change, rates: samples.shared(count, share) });
         Instants { shift, ..samples.instants(t, self.tau_on_host() * share, count) }
     }
 }

@@ -66,7 +66,7 @@ fn without_priors_it_goes_on_by_evidence() {
     for masks in ["auto", "none"] {
         let masks_key = format!("motion.masks={masks}");
         // More points for what stands still than the cap has room for.
-        let more = [masks_key.as_str(), "data.priors=[]", "init.random_points=2000"];
+        let more = [masks_key.as_str(), "data.priors=[]", "init.random_points=2000", "steps=160"];
         let eval = finish_in(folder, &path, masks, &more);
         let moving = eval.last.figure("moving_gaussians").expect("a moving scene");
         // Half of the 200 that a hull may have: some are of a hull's far side and stop.
