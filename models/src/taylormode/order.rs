@@ -2,12 +2,11 @@
 //!
 //! Order 0 is static; there is no other flag. A path is lowered by the polynomial of the next lower order that is
 //! nearest to it over the window in the largest deviation: the one without the last of Chebyshev's polynomials
-//! (economisation). A likelihood check on the photos decides between orders for a group of
-//! Gaussians; the remainder is worth having only where the residuals have a pattern in time. Not part of the paper,
-//! which has one order for all.
+//! (economisation). A likelihood check on the photos decides between orders for a group of Gaussians; the remainder is
+//! worth having only where the residuals have a pattern in time. Not part of the paper, which has one order for all.
 
 use super::shrinkage::norm;
-use super::window::at_centre;
+use super::window::{amplitude, at_centre};
 
 /// Pixels of motion over half the window that nobody sees: a tenth of a pixel moves an edge of full contrast by a tenth
 /// of that contrast in one row of pixels.
@@ -35,7 +34,7 @@ pub fn lower(path: &mut [f32], mut order: usize, pixels_per_unit: f64, limit: f6
 
 /// Largest deviation over the window of the path from the nearest of the next lower order, in the path's unit.
 pub fn deviation(path: &[f32], order: usize) -> f64 {
-    norm(block(path, order)) / order as f64
+    norm(block(path, order)) * amplitude(order)
 }
 
 /// Replaces the path of `order` by the nearest of the next lower order; its contribution to the constant goes to

@@ -2,10 +2,9 @@
 //!
 //! `mu(t) = mu_0 + sum_{k=1..K} c_k s^k + R(s)`, `s = (t - t0) / half`, `c_k = f^(k) half^k / k!` `[3]`;
 //! `v(t) = (sum_k k c_k s^(k-1) + R'(s)) / half`. The same sum is stored and learned as `sum_k b_k f_k(s)` with
-//! [`polynomials`] `f_k` of order `k`, which are of one size over the whole window: one
-//! learning rate suits all orders, whatever the unit of time. Rotation has a series of its own, of the rotation vector
-//! ([`rotation`](crate::rotation)). Only the rows listed move; the others cost nothing. Outside the window see
-//! [`window`](super::window).
+//! [`polynomials`] `f_k` of order `k`, which act over the whole window: one learning rate suits all orders, whatever
+//! the unit of time. Rotation has a series of its own, of the rotation vector ([`rotation`](crate::rotation)). Only the
+//! rows listed move; the others cost nothing. Outside the window see [`window`](super::window).
 
 use burn::tensor::{Int, Tensor, TensorData, assert_shape};
 use gs_burn::ops::products::scaled;

@@ -1,12 +1,14 @@
 //! Sparse motion: group shrinkage of the Taylor coefficients, in pixels.
 //!
 //! Every block `c_k` of a Gaussian is pulled towards zero by the proximal step of the group lasso (Yuan and Lin 2006):
-//! `c_k <- max(0, 1 - threshold / n_k) c_k`, with `n_k` the amplitude of its motion (length / k) as the nearest camera
-//! sees it, in pixels. A block that the photos do not support falls to exactly zero; a block that they support loses
+//! `c_k <- max(0, 1 - threshold / n_k) c_k`, with `n_k` the [`amplitude`] of its motion as the nearest camera sees
+//! it, in pixels. A block that the photos do not support falls to exactly zero; a block that they support loses
 //! `threshold` pixels a step, which its gradient returns. Measured in pixels, one threshold suits all scenes and all
 //! distances. Not part of the paper, which has one order for all.
 
 use gs_burn::glam::{DMat4, DVec3};
+
+use super::window::amplitude;
 
 /// A camera's pose and focal length, which decide how many pixels a displacement spans.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,7 +22,7 @@ pub struct ViewScale {
 /// One proximal step on a path of blocks of three, scene units: the amplitude of each falls by `pixels` at most.
 pub fn shrink(path: &mut [f32], pixels_per_unit: f64, pixels: f64) {
     for (index, block) in path.chunks_exact_mut(3).enumerate() {
-        let threshold = (index + 1) as f64 * pixels / pixels_per_unit;
+        let threshold = pixels / (pixels_per_unit * amplitude(index + 1));
         let length = norm(block);
         let factor = if length > threshold { 1.0 - threshold / length } else { 0.0 };
         block.iter_mut().for_each(|x| *x *= factor as f32);

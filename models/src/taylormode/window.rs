@@ -54,7 +54,7 @@ pub fn polynomials(s: f64, order: usize) -> Vec<Sample> {
     let one = |k: usize| {
         let shifted = move |s: f64| {
             let Sample { value, slope } = chebyshev(k, s);
-            Sample { value: value / k as f64 - at_centre(k), slope: slope / k as f64 }
+            Sample { value: value * amplitude(k) - at_centre(k), slope: slope * amplitude(k) }
         };
         continued(s, || polynomial_line(k), shifted)
     };
@@ -74,15 +74,20 @@ fn chebyshev(k: usize, s: f64) -> Sample {
     before
 }
 
+/// How far a block of order `k`, from 1, deviates from its mean position over the window, in lengths of the block.
+pub fn amplitude(k: usize) -> f64 {
+    1.0 / k as f64
+}
+
 /// `T_k(0) / k`, `k` from 1.
 pub fn at_centre(k: usize) -> f64 {
-    [1.0, 0.0, -1.0, 0.0][k % 4] / k as f64
+    [1.0, 0.0, -1.0, 0.0][k % 4] * amplitude(k)
 }
 
 /// The best line `[value at 0, slope]` to `(T_k(s) - T_k(0)) / k`, least squares over the window. `T_n` of even `n` has
 /// the integral `2 / (1 - n^2)`, and `s T_k = (T_{k+1} + T_{k-1}) / 2`.
 fn polynomial_line(k: usize) -> [f64; 2] {
-    let integral = |n: usize| 2.0 / ((1.0 - (n * n) as f64) * k as f64);
+    let integral = |n: usize| 2.0 * amplitude(k) / (1.0 - (n * n) as f64);
     match k.is_multiple_of(2) {
         true => [0.5 * integral(k) - at_centre(k), 0.0],
         false => [0.0, 0.75 * (integral(k + 1) + integral(k - 1))],
@@ -99,7 +104,7 @@ pub fn powers_of(order: usize) -> Vec<Vec<f64>> {
         polynomials[k - 1].iter().enumerate().for_each(|(power, c)| next[power] -= c);
         polynomials.push(next);
     }
-    let by_power = |(k, polynomial): (usize, Vec<f64>)| polynomial[1..].iter().map(|c| c / k as f64).collect();
+    let by_power = |(k, polynomial): (usize, Vec<f64>)| polynomial[1..].iter().map(|c| c * amplitude(k)).collect();
     polynomials.into_iter().enumerate().skip(1).take(order).map(by_power).collect()
 }
 

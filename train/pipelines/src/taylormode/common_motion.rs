@@ -18,6 +18,7 @@ use gs_burn::adam::AdamRate;
 use gs_burn::exact_matmul;
 use gs_burn::ops::products::transposed_product;
 use gs_burn::ops::sum::largest;
+use gs_models::taylormode::window::amplitude;
 
 /// The common motion of an object, as a parameter of Adam.
 #[derive(Module, Debug)]
@@ -43,10 +44,9 @@ const SHIFT: f64 = 0.5;
 /// photos, and so fast a rotation is noisy; 0.99 averages a hundred, more than the cameras of most rigs.
 const BETA1: f64 = 0.99;
 
-/// Largest displacement of a position of the object by one step, as a factor of the learning
-/// rate; a longer step is scaled down as a whole. Adam's first steps have full length in every number whatever the
-/// gradient: together with the Gaussians' own steps they must not exceed a hundredth of the scene, the bound of the
-/// stability experiment `thrown`.
+/// Largest displacement of a position of the object by one step, as a factor of the learning rate; a longer step is
+/// scaled down as a whole. Adam's first steps have full length in every number whatever the gradient: together with the
+/// Gaussians' own steps they must not exceed a hundredth of the scene, the bound of the stability experiment `thrown`.
 const FARTHEST: f64 = 3.0;
 
 /// The basis `[M, 4]` of each object's common motion at `positions` `[M, 3]`, zero at Gaussians of other objects;
@@ -126,8 +126,7 @@ impl CommonMotion {
         let [count, columns] = change.dims();
         let lengths: Tensor<2> =
             change.clone().reshape([count, columns / 3, 3]).powi_scalar(2).sum_dim(2).sqrt().squeeze_dim(2);
-        // A block of order k moves by its length / k.
-        let amplitudes: Vec<f32> = (1..=columns / 3).map(|order| 1.0 / order as f32).collect();
+        let amplitudes: Vec<f32> = (1..=columns / 3).map(|order| amplitude(order) as f32).collect();
         let amplitudes = Tensor::<1>::from_floats(amplitudes.as_slice(), &change.device()).unsqueeze_dim(1);
         let farthest = largest(exact_matmul(lengths, amplitudes)).clamp_min(f32::MIN_POSITIVE);
         let shortened = (farthest.recip() * (FARTHEST * lr)).clamp_max(1.0);

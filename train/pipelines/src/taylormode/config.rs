@@ -108,7 +108,8 @@ section! {
         select: bool = true;
         /// Steps from one selection to the next.
         select_every: usize = 100, in 1..;
-        /// Largest change of a Gaussian's position in a training view, pixels, at which a lower order is accepted.
+        /// Largest change of a Gaussian's position in a training view, pixels, at which a lower order is accepted; four
+        /// times as much where the photos do not ask for the motion.
         select_pixels: f64 = NOTICEABLE, in NOT_NEGATIVE;
         /// Soft threshold of each coefficient block at each selection, pixels.
         shrink_pixels: f64 = 0.05, in NOT_NEGATIVE;

@@ -6,7 +6,7 @@
 use gs_datasets::View;
 use rand::Rng;
 
-use super::Step;
+use super::{Config, Step};
 use gs_train::fit::random::{Purpose, stream};
 use gs_train::fit::sampler::{Sampler, ViewOrder};
 
@@ -14,9 +14,13 @@ use gs_train::fit::sampler::{Sampler, ViewOrder};
 /// open with it: with all orders from the start, what the few photos at the middle do not determine carries the paths
 /// away elsewhere.
 pub fn opening(at: &Step) -> Option<f64> {
-    let steps = (at.config.method.motion.curriculum * at.config.steps as f64) as usize;
-    let opened = at.step as f64 / steps.max(1) as f64;
+    let opened = at.step as f64 / steps_of(at.config).max(1) as f64;
     (opened <= 1.0).then_some(opened)
+}
+
+/// The steps over which photos open.
+pub fn steps_of(config: &Config) -> usize {
+    (config.method.motion.curriculum * config.steps as f64) as usize
 }
 
 /// The order of views of a recording whose paths are expanded at its middle.

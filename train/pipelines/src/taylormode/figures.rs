@@ -3,14 +3,13 @@
 
 use burn::tensor::Tensor;
 use gs_base::median;
-use gs_burn::exposure::ExposureOptions;
 use gs_burn::{Extras, Gaussians, RenderOptions, parameter_bytes, render_with};
 use gs_datasets::{Scene, View};
 use gs_models::taylormode::blur_path::{back_project, camera_velocity, to_world};
-use gs_models::taylormode::{FixedOrder, Paths, Samples, Size, Summary, TaylorMotion};
+use gs_models::taylormode::{FixedOrder, Paths, Size, Summary, TaylorMotion};
 use gs_models::{Pixels, sh_bands};
 
-use super::blur::expose;
+use super::blur::exposed;
 use super::config::{BlurMode, VelocitySource};
 use super::cues::stated_exposure;
 use super::update::learns_exposure;
@@ -105,19 +104,12 @@ struct Splatted {
 
 /// The blurred image of a view over its share of the learned exposure, by exact integration, `[H, W, 3]` from 0 to 1.
 pub fn form_blur(model: &Taylormode, gaussians: &Gaussians, view: &View, at: &Step) -> Tensor<3> {
-    let exposure = model.exposure_on_host() * model.exposure_share(view.exposure);
-    blur_over(gaussians, &model.motion, exposure, view, at)
+    blur_over(gaussians, &model.motion, model.exposure_of(view.exposure), view, at)
 }
 
 /// The blurred image of a view over any exposure, in the data set's unit of time.
 pub fn blur_over(gaussians: &Gaussians, motion: &TaylorMotion, exposure: f64, view: &View, at: &Step) -> Tensor<3> {
-    let device = gaussians.device();
-    let render = at.facts.render_options(&at.config.render, gaussians.sh_degree());
-    let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), exposure, MEASURE_SAMPLES);
-    let options = ExposureOptions { render, linear: at.config.method.blur.linear, room: None };
-    let paths = motion.paths(&gaussians.means.val());
-    let formed = expose(gaussians, &paths, &motion.rows, &instants, &camera(view, &device), &options, None);
-    formed.color.clamp(0.0, 1.0)
+    exposed(gaussians, motion, (exposure, MEASURE_SAMPLES), view, at).clamp(0.0, 1.0)
 }
 
 /// Whether a held-out photo is blurry and has no sharp truth, so that it is compared with a formed blur: the data set

@@ -113,8 +113,8 @@ impl Formation<'_> {
         let render = RenderOptions { depth: self.needs_depth(), ..self.options };
         let options = ExposureOptions { render, linear: blur.linear, room: self.room };
         // Midpoints: their mean is exact to second order, and covers the shutter's interval for any count.
-        let instants =
-            self.exposure().instants(self.photo.time, Samples::Middles, blur.samples_at(self.progress), self.share());
+        let (exposure, share) = self.exposure();
+        let instants = exposure.instants(self.photo.time, Samples::Middles, blur.samples_at(self.progress), share);
         let rows = &self.model.motion.rows;
         let formed = expose(&gaussians, &self.paths, rows, &instants, &self.photo.camera, &options, screen.clone());
         let image = self.photo.image.clone();
@@ -166,7 +166,8 @@ impl Formation<'_> {
 
         let depth = pixels.of(self.hybrid_depth(&centre));
         let velocity = camera_velocity(self.velocity(pixels, &centre, &depth), &photo.camera.viewmat);
-        let offsets = self.exposure().offsets(Samples::Ends, blur.samples, self.share());
+        let (exposure, share) = self.exposure();
+        let offsets = exposure.offsets(Samples::Ends, blur.samples, share);
         let path = blur_path(pixels, depth.clone(), velocity.clone(), &photo.camera.intrinsics, offsets);
         let weights = self.model.weights.as_ref().map(|network| network.forward(depth, velocity.clone()));
         // Section 3.4 and Figure 1 split the image by its mask: the colours of static pixels get no gradient from the
@@ -241,15 +242,11 @@ impl Formation<'_> {
         self.progress < prior.until && (pseudo || depth)
     }
 
-    /// The exposure, as a leaf of the graph if it is learned.
-    fn exposure(&self) -> Exposure {
+    /// The exposure, as a leaf of the graph if it is learned, and the photo's share of it.
+    fn exposure(&self) -> (Exposure, f64) {
         let exposure = self.model.exposure.clone();
-        if self.config.method.blur.learn_exposure { exposure } else { exposure.valid() }
-    }
-
-    /// The photo's share of the exposure.
-    fn share(&self) -> f64 {
-        self.model.exposure_share(self.photo.extra.exposure)
+        let exposure = if self.config.method.blur.learn_exposure { exposure } else { exposure.valid() };
+        (exposure, self.model.exposure_share(self.photo.extra.exposure))
     }
 
     /// The scene with its static Gaussians out of the graph (section 3.4).

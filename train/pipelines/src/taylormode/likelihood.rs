@@ -7,18 +7,17 @@
 use burn::tensor::{Device, Tensor};
 use gs_burn::Gaussians;
 use gs_burn::adam::Adam;
-use gs_burn::exposure::ExposureOptions;
 use gs_datasets::View;
-use gs_models::taylormode::shrinkage::pixels_per_unit;
-use gs_models::taylormode::{Evidence, Samples, TaylorMotion};
+use gs_models::taylormode::shrinkage::{norm, pixels_per_unit};
+use gs_models::taylormode::{Evidence, TaylorMotion};
 
-use super::blur::expose;
+use super::blur::exposed;
 use super::config::BlurMode;
 use super::select::{Selected, Selection, select, view_scales};
 use super::update::follow_moments;
 use super::{Step, Taylormode};
 use gs_train::fit::parameters::to_host;
-use gs_train::fit::photos::{camera, mask_of, to_tensor};
+use gs_train::fit::photos::{mask_of, to_tensor};
 
 /// Photos that judge a proposal, spread evenly over the training views: enough that no single one decides.
 const PHOTOS: usize = 6;
@@ -55,12 +54,13 @@ pub fn select_with_check(
     let present = Candidate { gaussians, motion: &model.motion, model: &model };
     let before: Vec<Tensor<3>> = judges.iter().map(|view| present.formed(view, at)).collect();
     let area = present.blur_area(views);
+    let mut config = at.config.method.motion.clone();
+    if at.step as f64 > SHRINK_UNTIL * at.config.steps as f64 {
+        config.shrink_pixels = 0.0;
+    }
+    let limit = config.select_pixels;
     for share in SHARES {
-        let mut config = at.config.method.motion.clone();
-        config.select_pixels *= share;
-        if at.step as f64 > SHRINK_UNTIL * at.config.steps as f64 {
-            config.shrink_pixels = 0.0;
-        }
+        config.select_pixels = limit * share;
         let selection = select(gaussians, &model.motion, views, &config);
         let dropped = blocks(&model.motion) - blocks(&selection.motion);
         let simpler = Candidate { gaussians: &selection.gaussians, motion: &selection.motion, model: &model };
@@ -98,13 +98,8 @@ impl Candidate<'_> {
     /// The image that the scene forms for a view.
     fn formed(&self, view: &View, at: &Step) -> Tensor<3> {
         let blur = &at.config.method.blur;
-        let render = at.facts.render_options(&at.config.render, self.gaussians.sh_degree());
         let count = if blur.mode == BlurMode::None { 1 } else { blur.samples };
-        let exposure = self.model.exposure_on_host() * self.model.exposure_share(view.exposure);
-        let instants = Samples::Middles.instants(view.time.unwrap_or(0.0), exposure, count);
-        let options = ExposureOptions { render, linear: blur.linear, room: None };
-        let (paths, device) = (self.motion.paths(&self.gaussians.means.val()), self.gaussians.device());
-        expose(self.gaussians, &paths, &self.motion.rows, &instants, &camera(view, &device), &options, None).color
+        exposed(self.gaussians, self.motion, (self.model.exposure_of(view.exposure), count), view, at)
     }
 
     /// Mean path of the moving Gaussians during one exposure, pixels: the length over which blur correlates pixels.
@@ -114,14 +109,8 @@ impl Candidate<'_> {
         let means = to_host(self.gaussians.means.val());
         let scales = pixels_per_unit(&means, &self.motion.rows, &view_scales(views));
         let exposure = self.model.exposure_on_host();
-        let lengths = speeds
-            .as_chunks::<3>()
-            .0
-            .iter()
-            .zip(&scales)
-            .filter(|(_, scale)| scale.is_finite())
-            .map(|(v, scale)| v.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt() * exposure * scale);
-        let lengths: Vec<f64> = lengths.collect();
+        let seen = speeds.chunks_exact(3).zip(&scales).filter(|(_, scale)| scale.is_finite());
+        let lengths: Vec<f64> = seen.map(|(velocity, scale)| norm(velocity) * exposure * scale).collect();
         (lengths.iter().sum::<f64>() / lengths.len().max(1) as f64).max(1.0)
     }
 }

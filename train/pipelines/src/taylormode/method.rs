@@ -9,7 +9,7 @@ use gs_datasets::{Scene, View};
 use gs_models::{DynamicScene, Shutter};
 
 use super::config::{BlurMode, Sections};
-use super::curriculum::Opening;
+use super::curriculum::{self, Opening};
 use super::model::Frame;
 use super::scene::ExposedScene;
 use super::{Config, Cues, PhotoPriors, Step, Taylormode, begin, config, cues, figures, likelihood, select};
@@ -47,8 +47,7 @@ impl Method for Taylormode {
     }
 
     fn order(&self, views: &[View], config: &Config) -> Box<dyn ViewOrder> {
-        let steps = (config.method.motion.curriculum * config.steps as f64) as usize;
-        Box::new(Opening::new(views, self.motion.window.t0, steps, config.seed))
+        Box::new(Opening::new(views, self.motion.window.t0, curriculum::steps_of(config), config.seed))
     }
 
     fn forward(

@@ -140,6 +140,12 @@ impl Taylormode {
         self.exposure.tau_on_host()
     }
 
+    /// The exposure of a photo, of which the data set says `stated`, both in its unit of time; reads the learned one
+    /// back from the device.
+    pub fn exposure_of(&self, stated: Option<f64>) -> f64 {
+        self.exposure_on_host() * self.exposure_share(stated)
+    }
+
     /// The share of the learned exposure for which the shutter of a photo was open; `stated` is what the data set says
     /// of that photo, its unit of time. Cameras of one rig may differ.
     pub fn exposure_share(&self, stated: Option<f64>) -> f64 {
