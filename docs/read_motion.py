@@ -6,7 +6,7 @@ def read(path):
     doc, buffer = json.loads(data[20:20 + length]), data[28 + length:]
     def accessor(index):
         a = doc["accessors"][index]
-        width, code = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[a["type"]], "I" if a["componentType"] == 5125 else "f"
+        width, code = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[a["type"]], {5121: "B", 5125: "I", 5126: "f"}[a["componentType"]]
         flat = struct.unpack_from(f"<{a['count'] * width}{code}", buffer, doc["bufferViews"][a["bufferView"]]["byteOffset"])
         return list(flat) if width == 1 else [list(flat[i:i + width]) for i in range(0, len(flat), width)]
     return doc["meshes"][0]["primitives"][0], accessor
@@ -48,10 +48,26 @@ def at(path, t):
             points[row], quats[row] = mix(places[a * m + i], places[b * m + i]), [u / math.hypot(*mixed) for u in mixed]
         return points, quats
     s, middle = [(time - motion["window"]["t0"]) / motion["window"]["half"] for time in (t, motion["middle"])]
+    bodies = motion.get("bodies", {"scales": []})
+    def bases(row):  # 1 and the offset from the centre of the row's body, and which body that is.
+        b = accessor(bodies["of"])[row] if "of" in bodies else 255
+        return (b, [1] + [(x - c) / bodies["scales"][b] for x, c in zip(points[rows[row]], bodies["centres"][b])]) if b < 255 else (b, [])
+    based = [bases(i) for i in range(len(rows))]
     def series(name, s):  # sum_j f_j(s) v_j of each moving row; a part that is not there is zero.
-        factors = [function(f, s) for f in motion.get(name, {"functions": []})["functions"]]
-        vectors, n = accessor(motion[name]["vectors"]) if factors else [], len(factors)
-        return [[sum(f * vectors[i * n + j][axis] for j, f in enumerate(factors)) for axis in range(3)] for i in range(len(rows))]
+        part = motion.get(name, {"functions": []})
+        factors, sums = [function(f, s) for f in part["functions"]], [[0, 0, 0] for _ in rows]
+        vectors, n, at = accessor(part["vectors"]) if "vectors" in part else [], len(factors), 0
+        of_bodies = accessor(bodies[name]) if name in bodies else []
+        def add(i, f, v):
+            sums[i] = [x + f * y for x, y in zip(sums[i], v)]
+        for j, f in enumerate(factors):
+            for i in range(part["counts"][j] if "counts" in part else len(rows)):  # Function by function, or row by row.
+                add(i, f, vectors[at + i] if "counts" in part else vectors[i * n + j])
+            at += part["counts"][j] if "counts" in part else 0
+            for i, (b, basis) in enumerate(based if of_bodies else []):
+                for k, x in enumerate(basis if name == "position" else basis[:1]):  # The whole body turns as one.
+                    add(i, f * x, of_bodies[(b * n + j) * 4 + k if name == "position" else b * n + j])
+        return sums
     for row, now, then, turned, turned_then in zip(rows, *[series(k, x) for k in ("position", "rotation") for x in (s, middle)]):
         points[row] = [p + a - b for p, a, b in zip(points[row], now, then)]
         quats[row] = product(turn(turned), product(turn(turned_then, -1), quats[row]))

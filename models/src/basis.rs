@@ -26,6 +26,33 @@ pub struct MotionBasis {
     pub turns: Vec<TimeFunction>,
     /// The vectors `r_k`, `[M, 3 K]`, radians, world axes.
     pub rotation: Tensor<2>,
+    /// What the vectors of rows have in common; `None`: nothing. The vectors are whole all the same.
+    pub carried: Option<Carried>,
+}
+
+/// Bodies that carry rows, and what rows have beside.
+#[derive(Debug, Clone)]
+pub struct Carried {
+    /// `[M]`, the body of each row by its place in `bodies`; 255: none.
+    pub body_of: Vec<u8>,
+    /// `[M]`, how many of the first functions of position and rotation a row has vectors of its own for; the others are
+    /// those of its body, or zero.
+    pub own: Vec<[u16; 2]>,
+    /// The bodies.
+    pub bodies: Vec<Carrier>,
+}
+
+/// A body: the vectors of its rows are `W_j [1, (mean - centre) / scale]`.
+#[derive(Debug, Clone)]
+pub struct Carrier {
+    /// Scene units.
+    pub centre: [f64; 3],
+    /// Scene units, positive.
+    pub scale: f64,
+    /// `[4, 3 J]`: `W_j` transposed, scene units.
+    pub position: Tensor<2>,
+    /// `[1, 3 K]`, radians.
+    pub rotation: Tensor<2>,
 }
 
 /// A function of `s`, and its way on past the window.

@@ -10,6 +10,7 @@
 //! nothing, and readers turn back. A world whose up is another axis is turned first: [`turn::turn`].
 
 mod bounded;
+mod carried;
 pub mod glb;
 mod motion;
 pub mod ply;
@@ -19,6 +20,7 @@ pub mod spz;
 pub mod turn;
 pub mod usda;
 
+pub use carried::{Carried, Carrier};
 pub use motion::{Beyond, Keys, Law, Motion, Series, SeriesLaw, Shape, TimeFunction};
 pub use splats::Splats;
 

@@ -3,8 +3,8 @@
 //! The Gaussians themselves are those of the time [`Motion::middle`], so that a program that knows no motion shows the
 //! middle of the recording.
 
-use crate::Splats;
 use crate::splats::unit;
+use crate::{Carried, Splats};
 
 /// The motion of `M` Gaussians.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,6 +39,8 @@ pub struct SeriesLaw {
     pub position: Series,
     /// Rotation vectors `r`, radians, world axes: `q(t) = exp(r(s) / 2) exp(-r(s_middle) / 2) q`.
     pub rotation: Series,
+    /// What the vectors of rows have in common, for files; `None`: nothing. The vectors are whole all the same.
+    pub carried: Option<Carried>,
 }
 
 /// `sum_j f_j(s) v_j` for each of `M` Gaussians.
@@ -204,6 +206,9 @@ impl Motion {
                     && law.t0.is_finite()
                     && series(&law.position)
                     && series(&law.rotation)
+                    && law.carried.as_ref().is_none_or(|carried| {
+                        carried.is_right(m, [law.position.functions.len(), law.rotation.functions.len()])
+                    })
             }
             Law::Keys(keys) => {
                 let n = keys.times.len() * m;
@@ -252,7 +257,8 @@ impl Motion {
         let law = match &self.law {
             Law::Series(law) => {
                 let (position, rotation) = (pick(&law.position), pick(&law.rotation));
-                Law::Series(SeriesLaw { position, rotation, ..*law })
+                let carried = law.carried.as_ref().map(|carried| carried.select(&own));
+                Law::Series(SeriesLaw { position, rotation, carried, ..*law })
             }
             Law::Keys(keys) => Law::Keys(keys.select(self.rows.len(), &own)),
         };

@@ -4,7 +4,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::sh_rotation::BandTurn;
 use crate::splats::unit;
-use crate::{Law, Motion, Splats};
+use crate::{Law, Motion, SeriesLaw, Splats};
 
 /// Signs of the 16 harmonics when y and z are reversed.
 pub(crate) const FLIPPED_SH: [f32; 16] =
@@ -23,7 +23,10 @@ pub fn flip(splats: &Splats) -> Splats {
 
 /// [`flip`] of a motion.
 pub fn flip_motion(motion: &Motion) -> Motion {
-    turned_law(motion, flip_vector, flip_quaternion)
+    let mut flipped = turned_law(motion, flip_vector, flip_quaternion);
+    let half = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+    carry(&mut flipped, half, DVec3::ZERO, half);
+    flipped
 }
 
 fn flip_vector([x, y, z]: [f32; 3]) -> [f32; 3] {
@@ -54,7 +57,16 @@ pub fn turn(splats: &Splats, rotation: DMat3) -> Splats {
 /// [`turn`] of a motion.
 pub fn turn_motion(motion: &Motion, rotation: DMat3) -> Motion {
     let quat = quaternion(rotation);
-    turned_law(motion, |v| turn_vector(rotation, v), |q| turn_quaternion(quat, q))
+    let mut turned = turned_law(motion, |v| turn_vector(rotation, v), |q| turn_quaternion(quat, q));
+    carry(&mut turned, rotation, DVec3::ZERO, rotation);
+    turned
+}
+
+/// Moves what rows have in common along; see [`Carried::moved`](crate::Carried).
+pub(crate) fn carry(motion: &mut Motion, linear: DMat3, shift: DVec3, turn: DMat3) {
+    if let Law::Series(SeriesLaw { carried: Some(carried), .. }) = &mut motion.law {
+        carried.moved(linear, shift, turn);
+    }
 }
 
 /// The smallest rotation after which `up`, a direction of the world, is -y: up in the axes of [`Splats`].

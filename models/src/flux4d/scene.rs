@@ -169,6 +169,7 @@ impl DynamicScene for FluxScene {
             position: Tensor::cat(scaled.collect(), 1),
             turns: Vec::new(),
             rotation: Tensor::zeros([self.moving(), 0], &self.gaussians.device()),
+            carried: None,
         })
     }
 }

@@ -40,47 +40,58 @@ impl Samples {
     }
 }
 
-/// How long the shutter is open, learned as a logarithm so that it stays positive.
+/// The shutter of a photo.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhotoShutter {
+    /// Which of the learned exposures it has.
+    pub exposure: usize,
+    /// The share of that exposure for which it was open; 1: all.
+    pub share: f64,
+}
+
+/// How long shutters are open, learned as logarithms so that they stay positive.
 #[derive(Module, Debug)]
 pub struct Exposure {
-    /// `[1]`, natural logarithm of `tau`, the data set's unit of time.
+    /// `[C]`, natural logarithms of `tau`, the data set's unit of time: one for all photos, or one a camera.
     pub log_tau: Param<Tensor<1>>,
 }
 
 impl Exposure {
-    /// An exposure of length `tau`, the data set's unit of time.
+    /// `count` exposures of length `tau`, the data set's unit of time.
     ///
     /// # Panics
     /// When `tau` is not positive: such an exposure has no blur to model.
-    pub fn new(tau: f64, device: &Device) -> Self {
+    pub fn new(tau: f64, count: usize, device: &Device) -> Self {
         assert!(tau > 0.0 && tau.is_finite(), "an exposure must be positive, it is {tau}");
-        Self { log_tau: Param::from_tensor(Tensor::from_data(TensorData::new(vec![tau.ln()], [1]), device)) }
+        Self { log_tau: Param::from_tensor(Tensor::from_data(TensorData::new(vec![tau.ln(); count], [count]), device)) }
     }
 
-    /// `tau`, `[1]`.
-    pub fn tau(&self) -> Tensor<1> {
-        self.log_tau.val().exp()
+    /// `tau` of one of the exposures, `[1]`.
+    pub fn tau(&self, exposure: usize) -> Tensor<1> {
+        let all = self.log_tau.val();
+        let one = if all.dims() == [1] { all } else { all.slice([exposure..exposure + 1]) };
+        one.exp()
     }
 
-    /// `tau` on the host; reads it back from the device.
-    pub fn tau_on_host(&self) -> f64 {
-        self.log_tau.to_data().iter::<f64>().next().unwrap_or(f64::NAN).exp()
+    /// `tau` of all exposures on the host; reads them back from the device.
+    pub fn on_host(&self) -> Vec<f64> {
+        self.log_tau.to_data().iter::<f64>().map(f64::exp).collect()
     }
 
-    /// Offsets of `count` samples from the exposure's centre, `[count]`, the data set's unit of time. Eq. 7. The
-    /// photo's shutter was open for the `share` of `tau` (1: all).
-    pub fn offsets(&self, samples: Samples, count: usize, share: f64) -> Tensor<1> {
-        let tau = self.tau();
+    /// Offsets of `count` samples from the exposure's centre, `[count]`, the data set's unit of time. Eq. 7.
+    pub fn offsets(&self, samples: Samples, count: usize, shutter: PhotoShutter) -> Tensor<1> {
+        let tau = self.tau(shutter.exposure);
         let options = (&tau.device(), tau.dtype());
-        tau * Tensor::<1>::from_data(TensorData::new(samples.shared(count, share), [count]), options)
+        tau * Tensor::<1>::from_data(TensorData::new(samples.shared(count, shutter.share), [count]), options)
     }
 
     /// The same samples as moments around `t`, for models that move Gaussians to each. When `log_tau` is tracked, they
     /// have a [`shift`](Instants::shift), and the exposure is learned through where the Gaussians are; exact, because
     /// the derivative of a position by time is its velocity. Reads `tau` back from the device.
-    pub fn instants(&self, t: f64, samples: Samples, count: usize, share: f64) -> Instants {
-        let change = self.log_tau.is_tracked().then(|| self.tau() - self.tau().detach());
+    pub fn instants(&self, t: f64, samples: Samples, count: usize, shutter: PhotoShutter) -> Instants {
+        let PhotoShutter { exposure, share } = shutter;
+        let change = self.log_tau.is_tracked().then(|| self.tau(exposure) - self.tau(exposure).detach());
         let shift = change.map(|change| Shift { change, rates: samples.shared(count, share) });
-        Instants { shift, ..samples.instants(t, self.tau_on_host() * share, count) }
+        Instants { shift, ..samples.instants(t, self.on_host()[exposure] * share, count) }
     }
 }

@@ -18,7 +18,7 @@
 //! | 3.3, Eq. 12: blurred colour | [`blur_synthesis`], reading the image with [`bilinear`](gs_burn::ops::bilinear::bilinear()) |
 //! | 3.4: gradient decoupling | [`blur_synthesis::decoupled`] |
 //! | 3.4, Eq. 13 to 19: losses | [`losses`]; Eq. 16 in [`depth_prior`](crate::depth_prior) |
-//! | not in the paper: no more motion than a scene needs | [`shrinkage`], [`order`], [`summary`] |
+//! | not in the paper: no more motion than a scene needs | [`bodies`], [`shrinkage`], [`order`], [`summary`] |
 //!
 //! Two words that the code uses throughout: a *contact* is a stretch of time in which an object is hit (it lands,
 //! bounces, is thrown), the same for the whole scene; a *kink* is the change of a Gaussian's velocity at a contact.
@@ -26,6 +26,7 @@
 pub mod blur_path;
 pub mod blur_synthesis;
 pub mod blur_weights;
+pub mod bodies;
 pub mod exposure;
 pub mod kinks;
 pub mod losses;
@@ -40,7 +41,8 @@ pub mod window;
 
 pub use blur_synthesis::{blurred_color, decoupled};
 pub use blur_weights::{BlurWeights, BlurWeightsConfig};
-pub use exposure::{Exposure, Samples};
+pub use bodies::{Body, BodyFrame};
+pub use exposure::{Exposure, PhotoShutter, Samples};
 pub use kinks::{Contact, Kinks};
 pub use order::Evidence;
 pub use paths::{Instants, Paths, Shift};

@@ -1,5 +1,5 @@
-//! The learned part of Eq. 2, as a Burn module: coefficients of position and rotation, kinks, and the remainder's
-//! network.
+//! The learned part of Eq. 2, as a Burn module: coefficients of position and rotation, kinks, the motion of bodies, and
+//! the remainder's network.
 //!
 //! [`TaylorMotion`] holds it, [`MotionFrame`] everything beside it (which rows move, of which order, in which window of
 //! time), and [`Paths`] are both, ready to be asked at any time.
@@ -10,12 +10,13 @@ use gs_burn::ops::rows::take_rows;
 use gs_burn::{Gaussians, RowMap};
 use serde::{Deserialize, Serialize};
 
+use super::bodies::{Body, BodyFrame, NO_BODY};
 use super::kinks::{Contact, Kinks};
 use super::paths::{Paths, taylor_coefficients};
 use super::remainder::{RemainderFrame, RemainderNetwork};
 use super::window::{TimeWindow, described_powers};
 use crate::DynamicScene;
-use crate::basis::MotionBasis;
+use crate::basis::{Carried, Carrier, MotionBasis};
 
 /// All of a [`TaylorMotion`] that is not learned: its configuration, and beside its tensors all that a checkpoint
 /// needs. As JSON to the bit.
@@ -32,10 +33,16 @@ pub struct MotionFrame {
     pub rotation_order: usize,
     /// Rows of the `M` moving Gaussians in the scene, each at most once.
     pub rows: Vec<u32>,
-    /// `[M]`, the highest order that each position still has, at most `K`.
+    /// `[M]`, the highest order of its own that each position still has, at most `K`.
     pub orders: Vec<u8>,
-    /// `[M]`, the highest order that each rotation still has, at most `Kr`.
+    /// `[M]`, the highest order of its own that each rotation still has, at most `Kr`.
     pub rotation_orders: Vec<u8>,
+    /// `[M]`, whether a row has jumps of its own.
+    pub own_jumps: Vec<bool>,
+    /// `[M]`, the body of each row, by its place in `bodies`; [`NO_BODY`]: none.
+    pub body_of: Vec<u8>,
+    /// Bodies, fewer than [`NO_BODY`].
+    pub bodies: Vec<BodyFrame>,
     /// `J` contacts of the whole scene.
     pub contacts: Vec<Contact>,
     /// The frame of the remainder's network, if there is one.
@@ -53,7 +60,10 @@ impl MotionFrame {
             rotation_order,
             orders: vec![order as u8; rows.len()],
             rotation_orders: vec![rotation_order as u8; rows.len()],
+            own_jumps: vec![true; rows.len()],
+            body_of: vec![NO_BODY; rows.len()],
             rows,
+            bodies: Vec::new(),
             contacts: Vec::new(),
             remainder: None,
         }
@@ -63,23 +73,35 @@ impl MotionFrame {
     /// A record or a checkpoint's tensors fill it.
     ///
     /// # Panics
-    /// When there is not one order a row.
+    /// When there is not one order, and one body, a row.
     pub fn init(&self, seed: u64, device: &Device) -> TaylorMotion {
         let count = self.rows.len();
-        assert_eq!([self.orders.len(), self.rotation_orders.len()], [count; 2], "one order a moving row");
+        assert!(self.is_consistent(), "one order and one body a moving row");
         let zeros = |blocks: usize| Tensor::zeros([count, 3 * blocks], device);
         let kinks = || Kinks::new(self.contacts.clone(), zeros(self.contacts.len()));
+        let blocks = self.order + self.contacts.len();
+        let body = |frame: &BodyFrame| Body::new(*frame, blocks, self.rotation_order, device);
         TaylorMotion {
             position: Param::from_tensor(zeros(self.order)),
             rotation: Param::from_tensor(zeros(self.rotation_order)),
             kinks: (!self.contacts.is_empty()).then(kinks),
+            bodies: self.bodies.iter().map(body).collect(),
             remainder: self.remainder.map(|frame| frame.init(seed, device)),
             window: self.window,
             recording: self.recording,
             rows: self.rows.clone(),
             orders: self.orders.clone(),
             rotation_orders: self.rotation_orders.clone(),
+            own_jumps: self.own_jumps.clone(),
+            body_of: self.body_of.clone(),
         }
+    }
+
+    /// Whether every row has its entry in each list, and a body that is there.
+    pub fn is_consistent(&self) -> bool {
+        let lists = [self.orders.len(), self.rotation_orders.len(), self.own_jumps.len(), self.body_of.len()];
+        let known = |body: &u8| *body == NO_BODY || usize::from(*body) < self.bodies.len();
+        lists == [self.rows.len(); 4] && self.body_of.iter().all(known) && self.bodies.len() < usize::from(NO_BODY)
     }
 }
 
@@ -92,6 +114,8 @@ pub struct TaylorMotion {
     pub rotation: Param<Tensor<2>>,
     /// Sudden changes of velocity; `None` without contacts.
     pub kinks: Option<Kinks>,
+    /// Bodies, whose motion rows follow above their own orders.
+    pub bodies: Vec<Body>,
     /// The network for the rest of the motion, where one is learned.
     pub remainder: Option<RemainderNetwork>,
     /// See [`MotionFrame`], as all that follows.
@@ -109,6 +133,12 @@ pub struct TaylorMotion {
     /// `[M]`, highest order of each rotation.
     #[module(skip)]
     pub rotation_orders: Vec<u8>,
+    /// `[M]`, whether a row has jumps of its own.
+    #[module(skip)]
+    pub own_jumps: Vec<bool>,
+    /// `[M]`, the body of each row.
+    #[module(skip)]
+    pub body_of: Vec<u8>,
 }
 
 impl TaylorMotion {
@@ -126,6 +156,9 @@ impl TaylorMotion {
             rows: self.rows.clone(),
             orders: self.orders.clone(),
             rotation_orders: self.rotation_orders.clone(),
+            own_jumps: self.own_jumps.clone(),
+            body_of: self.body_of.clone(),
+            bodies: self.bodies.iter().map(|body| body.frame).collect(),
             contacts: self.contacts().to_vec(),
             remainder: self.remainder.as_ref().map(|network| network.frame),
         }
@@ -202,10 +235,13 @@ impl TaylorMotion {
 
     fn gather(self, own: &RowMap) -> Self {
         let orders = |orders: &[u8]| own.from.iter().map(|index| orders[*index as usize]).collect();
+        let own_jumps = own.from.iter().map(|index| self.own_jumps[*index as usize]).collect();
         let kinks = self.kinks.map(|kinks| Kinks { jumps: own.apply(kinks.jumps), ..kinks });
         Self {
             orders: orders(&self.orders),
             rotation_orders: orders(&self.rotation_orders),
+            body_of: orders(&self.body_of),
+            own_jumps,
             position: own.apply(self.position),
             rotation: own.apply(self.rotation),
             kinks,
@@ -213,22 +249,100 @@ impl TaylorMotion {
         }
     }
 
-    /// Paths of a lower order get `order`, at most all that there is room for.
+    /// Bodies, and paths that do not follow one, of a lower order get `order`, at most all that there is room for.
     pub fn open(&mut self, order: usize) {
         let order = order.min(self.order()) as u8;
-        self.orders.iter_mut().for_each(|own| *own = order.max(*own));
+        let of_body = |body: &u8| self.bodies.get(usize::from(*body)).map_or(0, |body| body.frame.order);
+        let free = self.orders.iter_mut().zip(&self.body_of).filter(|(own, body)| **own >= of_body(body));
+        free.for_each(|(own, _)| *own = order.max(*own));
+        self.bodies.iter_mut().for_each(|body| body.frame.order = order.max(body.frame.order));
     }
 
-    /// `[1, 3 K]`, 1 in the blocks of the position that some path has and 0 above; `None` where one has all.
-    pub fn learned_blocks(&self) -> Option<Tensor<2>> {
-        let highest = self.orders.iter().max().copied().unwrap_or(0);
-        (usize::from(highest) < self.order()).then(|| block_mask(&[highest], &self.position))
+    /// Rows of bodies get all blocks of their bodies' paths as their own; they still turn as their bodies do.
+    pub fn release(&mut self) {
+        for row in 0..self.len() {
+            let Some(body) = self.bodies.get(usize::from(self.body_of[row])) else { continue };
+            self.orders[row] = body.frame.order.max(self.orders[row]);
+            self.own_jumps[row] = true;
+        }
     }
 
-    /// For each of `position` and `rotation`, 1 in the blocks up to each Gaussian's order and 0 above, of the
-    /// parameter's shape, or one row where all have one order; `None` where every Gaussian has all orders. Adam's first
-    /// moment needs the factor too: it would push the blocks on.
-    pub fn order_masks(&self) -> [(&'static str, Option<Tensor<2>>); 2] {
+    /// Bodies turn as their blocks say; reads these back from the device.
+    pub fn turn_bodies(&mut self) {
+        if self.rotation_order() > 0 {
+            self.bodies = std::mem::take(&mut self.bodies).into_iter().map(Body::turned).collect();
+        }
+    }
+
+    /// The numbers of motion that a scene stores: blocks of rows up to their own orders and those of bodies that have a
+    /// row, with centre and scale, and two times a contact.
+    pub fn numbers(&self) -> usize {
+        let blocks: usize = self.orders.iter().chain(&self.rotation_orders).map(|order| usize::from(*order)).sum();
+        let contacts = self.contacts().len();
+        let jumps = contacts * self.own_jumps.iter().filter(|own| **own).count();
+        let has_rows = |index: usize| self.body_of.iter().any(|body| usize::from(*body) == index);
+        let bodies = self.bodies.iter().enumerate().filter(|(index, _)| has_rows(*index));
+        let of_body = |body: &Body| 4 + 12 * (usize::from(body.frame.order) + contacts) + 3 * self.rotation_order();
+        3 * (blocks + jumps) + 2 * contacts + bodies.map(|(_, body)| of_body(body)).sum::<usize>()
+    }
+
+    /// What rows have in common, by powers; `remainder` functions stand between these and those of the contacts.
+    /// `means` `[N, 3]` are the centres at `t0`.
+    fn carried(&self, means: &Tensor<2>, remainder: usize) -> Carried {
+        let (columns, contacts) = (3 * self.order(), self.contacts().len());
+        let positions: Vec<f32> = take_rows(means.clone(), &self.row_tensor()).to_data().iter::<f32>().collect();
+        // A row that has strayed follows its body's shift alone, and has all vectors of its own here.
+        let carries = |row: usize| {
+            let body = self.bodies.get(usize::from(self.body_of[row]));
+            body.is_some_and(|body| body.frame.carries(&positions[3 * row..][..3]))
+        };
+        let of_body = |body: &Body| {
+            let blocks = body.blocks.val().inner();
+            let part = |from: usize, to: usize| blocks.clone().slice([0..4, from..to]);
+            let none = Tensor::zeros([4, 3 * remainder], (&blocks.device(), blocks.dtype()));
+            let parts = [taylor_coefficients(&part(0, columns)), none, part(columns, columns + 3 * contacts)];
+            let parts = parts.into_iter().filter(|part| part.dims()[1] > 0);
+            Carrier {
+                centre: body.frame.centre,
+                scale: body.frame.scale,
+                position: Tensor::cat(parts.collect(), 1),
+                rotation: taylor_coefficients(&body.turn.val().inner()),
+            }
+        };
+        let own = |row: usize| {
+            let strayed = self.body_of[row] != NO_BODY && !carries(row);
+            if strayed {
+                return [self.order() + remainder + contacts, self.rotation_order()].map(|count| count as u16);
+            }
+            let order = match (contacts > 0 && self.own_jumps[row], remainder > 0) {
+                (true, _) => self.order() + remainder + contacts,
+                (false, true) => self.order() + remainder,
+                (false, false) => usize::from(self.orders[row]),
+            };
+            [order as u16, u16::from(self.rotation_orders[row])]
+        };
+        Carried {
+            body_of: (0..self.len()).map(|row| if carries(row) { self.body_of[row] } else { NO_BODY }).collect(),
+            own: (0..self.len()).map(own).collect(),
+            bodies: self.bodies.iter().map(of_body).collect(),
+        }
+    }
+
+    /// Rows that have nothing of their own and move as their body does.
+    pub fn followers(&self) -> usize {
+        let jumps = !self.contacts().is_empty();
+        let follows = |row: &usize| {
+            self.body_of[*row] != NO_BODY
+                && self.orders[*row] + self.rotation_orders[*row] == 0
+                && !(jumps && self.own_jumps[*row])
+        };
+        (0..self.len()).filter(follows).count()
+    }
+
+    /// For each of [`ROW_PARAMETERS`](Self::ROW_PARAMETERS), 1 in the blocks that are a row's own and 0 in the others,
+    /// of the parameter's shape, or one row where all have one order; `None` where every Gaussian has all of its own.
+    /// Adam's first moment needs the factor too: it would push the blocks on.
+    pub fn order_masks(&self) -> [(&'static str, Option<Tensor<2>>); 3] {
         let mask = |parameter: &Param<Tensor<2>>, orders: &[u8]| {
             let columns = parameter.dims()[1];
             if columns == 0 || orders.iter().all(|order| usize::from(*order) >= columns / 3) {
@@ -238,17 +352,70 @@ impl TaylorMotion {
             let orders = if are_equal { &orders[..1] } else { orders };
             Some(block_mask(orders, parameter))
         };
-        [("position", mask(&self.position, &self.orders)), ("rotation", mask(&self.rotation, &self.rotation_orders))]
+        let jumps = self.kinks.as_ref().and_then(|kinks| {
+            let orders: Vec<u8> =
+                self.own_jumps.iter().map(|own| if *own { kinks.contacts.len() as u8 } else { 0 }).collect();
+            mask(&kinks.jumps, &orders)
+        });
+        let [position, rotation, kinks] = Self::ROW_PARAMETERS;
+        [
+            (position, mask(&self.position, &self.orders)),
+            (rotation, mask(&self.rotation, &self.rotation_orders)),
+            (kinks, jumps),
+        ]
     }
 
-    /// Blocks above each Gaussian's order are zero.
-    pub fn hold_orders(self) -> Self {
-        let [(_, position), (_, rotation)] = self.order_masks();
-        let held = |parameter: Param<Tensor<2>>, mask: Option<Tensor<2>>| match mask {
-            Some(mask) => parameter.map(|tensor| tensor * mask),
-            None => parameter,
+    /// For each body, the [basis](BodyFrame::basis) of its rows at `positions` `[M, 3]`, zero at rows of others,
+    /// `[M, 4]`.
+    pub fn bases(&self, positions: &Tensor<2>) -> Vec<Tensor<2>> {
+        let members = self.members(positions);
+        let basis = |(body, member): (&Body, Option<Tensor<2>>)| match member {
+            Some(member) => body.frame.basis(positions) * member,
+            None => body.frame.basis(positions),
         };
-        Self { position: held(self.position, position), rotation: held(self.rotation, rotation), ..self }
+        self.bodies.iter().zip(members).map(basis).collect()
+    }
+
+    /// For each body, 1 at its rows, `[M, 1]`; `None` where all rows are its own.
+    fn members(&self, like: &Tensor<2>) -> Vec<Option<Tensor<2>>> {
+        let member = |index: usize| {
+            let is_own = |body: &u8| usize::from(*body) == index;
+            let of_row = |body: &u8| f32::from(u8::from(is_own(body)));
+            let values = || TensorData::new(self.body_of.iter().map(of_row).collect::<Vec<f32>>(), [self.len(), 1]);
+            (!self.body_of.iter().all(is_own)).then(|| Tensor::from_data(values(), (&like.device(), like.dtype())))
+        };
+        (0..self.bodies.len()).map(member).collect()
+    }
+
+    /// Blocks above each Gaussian's order are those of its body, or zero where it has none; `means` `[N, 3]` are the
+    /// centres at `t0`.
+    pub fn hold_orders(self, means: &Tensor<2>) -> Self {
+        let [(_, position), (_, rotation), (_, jumps)] = self.order_masks();
+        if position.is_none() && rotation.is_none() && jumps.is_none() {
+            return self;
+        }
+        let positions = take_rows(means.clone(), &self.row_tensor());
+        let bases = self.bases(&positions);
+        let carried = self.bodies.iter().zip(bases).map(|(body, basis)| body.carried(basis)).reduce(|a, b| a + b);
+        let turned = self.bodies.iter().zip(self.members(&positions)).map(|(body, member)| match member {
+            Some(member) => member * body.turn.val(),
+            None => body.turn.val(),
+        });
+        let turned = turned.reduce(|a, b| a + b).filter(|_| rotation.is_some());
+        let columns = 3 * self.order();
+        let part = |from: usize, to: usize| carried.clone().map(|all| all.slice([0..self.len(), from..to]));
+        let held = |parameter: Param<Tensor<2>>, mask: Option<Tensor<2>>, body: Option<Tensor<2>>| match (mask, body) {
+            (Some(mask), Some(body)) => parameter.map(|own| (own - body.clone()) * mask + body),
+            (Some(mask), None) => parameter.map(|own| own * mask),
+            (None, _) => parameter,
+        };
+        let of_paths = position.as_ref().and_then(|_| part(0, columns));
+        let kinks = self.kinks.clone().map(|kinks| {
+            let of_jumps = jumps.as_ref().and_then(|_| part(columns, columns + 3 * kinks.contacts.len()));
+            Kinks { jumps: held(kinks.jumps, jumps, of_jumps), ..kinks }
+        });
+        let (paths, turns) = (self.position.clone(), self.rotation.clone());
+        Self { position: held(paths, position, of_paths), rotation: held(turns, rotation, turned), kinks, ..self }
     }
 }
 
@@ -304,6 +471,7 @@ impl DynamicScene for TaylorScene {
         }
         let paths = self.paths();
         let mut functions = described_powers(paths.order());
+        let beyond = paths.remainder.as_ref().map_or(0, |remainder| remainder.described().len());
         let mut position = vec![taylor_coefficients(&paths.position.inner())];
         if let Some(remainder) = paths.remainder {
             functions.extend(remainder.described());
@@ -328,6 +496,7 @@ impl DynamicScene for TaylorScene {
             position,
             turns: described_powers(self.motion.rotation_order()),
             rotation: taylor_coefficients(&paths.rotation.inner()),
+            carried: (!self.motion.bodies.is_empty()).then(|| self.motion.carried(&self.gaussians.means.val(), beyond)),
         })
     }
 }

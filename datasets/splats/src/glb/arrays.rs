@@ -31,6 +31,15 @@ impl Arrays {
         self.add(begin, 4, UNSIGNED_INT, "SCALAR")
     }
 
+    /// Adds an array of bytes, padded so that what follows is aligned.
+    pub fn small(&mut self, values: &[u8]) -> usize {
+        let begin = self.bytes.len();
+        self.bytes.extend(values);
+        let accessor = self.add(begin, 1, UNSIGNED_BYTE, "SCALAR");
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        accessor
+    }
+
     fn add(&mut self, begin: usize, each: usize, component: u64, kind: &str) -> usize {
         let length = self.bytes.len() - begin;
         self.views.push(json!({"buffer": 0, "byteOffset": begin, "byteLength": length}));
@@ -76,8 +85,9 @@ impl Accessors<'_> {
     pub fn indices(&self, accessor: usize) -> Result<Vec<u32>, String> {
         let found = self.described(accessor, "SCALAR")?;
         match component_of(found) {
+            UNSIGNED_BYTE => self.array(accessor, found, 1, |b| u32::from(b[0])),
             UNSIGNED_INT => self.array(accessor, found, 4, |b| u32::from_le_bytes(std::array::from_fn(|k| b[k]))),
-            other => Err(format!("accessor {accessor}: expected whole numbers of 32 bits, found type {other}")),
+            other => Err(format!("accessor {accessor}: expected whole numbers of 8 or 32 bits, found type {other}")),
         }
     }
 

@@ -22,8 +22,9 @@ pub use write::{encode, write};
 const SPLATS: &str = "KHR_gaussian_splatting";
 /// Our extension of the same primitive.
 const MOTION: &str = "GSBURN_gaussian_motion";
-/// Of the motion; a reader refuses what it does not know.
-const MOTION_VERSION: u64 = 1;
+/// Of the motion: whole vectors for each row, or bodies and what rows have beside them. A reader refuses what it does
+/// not know.
+const MOTION_VERSIONS: [u64; 2] = [1, 2];
 
 /// "glTF", "JSON" and "BIN\0", little-endian.
 const MAGIC: u32 = 0x4654_6c67;

@@ -9,7 +9,7 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 use super::primitive::SIZE_LEAST;
 use crate::sh_rotation::BandTurn;
 use crate::splats::unit;
-use crate::turn::{moved, quaternion, turn_quaternion, turn_vector, turned_law};
+use crate::turn::{carry, moved, quaternion, turn_quaternion, turn_vector, turned_law};
 use crate::{Law, Motion, Splats};
 
 /// A map is a rotation and one scale up to this difference of an entry: quaternions and matrices are written with seven
@@ -98,6 +98,8 @@ impl Place {
             Law::Series(law) => {
                 let own = (sign / self.scale) as f32;
                 law.rotation.vectors.iter_mut().flatten().for_each(|x| *x *= own);
+                let turn = self.linear * f64::from(own);
+                carry(&mut motion, self.linear, shift, turn);
             }
             Law::Keys(keys) => {
                 keys.means.iter_mut().for_each(|mean| *mean = moved(*mean, shift));

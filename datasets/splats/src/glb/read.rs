@@ -130,7 +130,7 @@ impl Merged {
         let whole = place.shift(splats.offset);
         let shift = whole - *self.hint.get_or_insert(whole);
         if let Some(moving) = value.pointer(&format!("/extensions/{MOTION}")) {
-            let mut own = motion::of_json(moving, accessors)?;
+            let mut own = motion::of_json(moving, &splats.means, accessors)?;
             own.check(splats.len())?;
             if self.motion.is_some() {
                 return Err(format!("expected one primitive with {MOTION}, found more"));

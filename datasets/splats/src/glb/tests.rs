@@ -3,7 +3,7 @@ mod others;
 use super::*;
 use crate::splats::testing::{numbers, random};
 use crate::splats::{sigmoid, unit};
-use crate::{Beyond, Keys, Law, Motion, Series, SeriesLaw, Shape, TimeFunction};
+use crate::{Beyond, Carried, Carrier, Keys, Law, Motion, Series, SeriesLaw, Shape, Splats, TimeFunction};
 
 fn moving(rotation: bool) -> Motion {
     let mut x = numbers(9);
@@ -19,8 +19,89 @@ fn moving(rotation: bool) -> Motion {
     let position = Series { vectors: vectors(3 * functions.len()), functions };
     let turning = vec![TimeFunction { shape: Shape::Power(1), beyond: None }];
     let rotation = if rotation { Series { vectors: vectors(3), functions: turning } } else { Series::default() };
-    let law = Law::Series(SeriesLaw { t0: 0.4, half: 0.5, position, rotation });
+    let law = Law::Series(SeriesLaw { t0: 0.4, half: 0.5, position, rotation, carried: None });
     Motion { span: [0.0, 1.0], middle: 0.5, rows: vec![4, 0, 7], law }
+}
+
+/// Two bodies that carry four rows of the means `means`; the last row has none. The first row has a vector of its own.
+pub(super) fn carried(means: &[[f32; 3]]) -> Motion {
+    let mut x = numbers(10);
+    let mut vector = || [x(), x(), x()];
+    let powers = |count: u32| (1..=count).map(|k| TimeFunction { shape: Shape::Power(k), beyond: None }).collect();
+    let body = |centre: [f64; 3], vector: &mut dyn FnMut() -> [f32; 3]| Carrier {
+        centre,
+        scale: 1.5,
+        position: (0..3).map(|_| [vector(), vector(), vector(), vector()]).collect(),
+        rotation: vec![vector()],
+    };
+    let bodies = vec![body([0.1, -0.2, 0.3], &mut vector), body([2.0, 0.5, -1.0], &mut vector)];
+    let own = vec![[2, 0], [0, 1], [0, 0], [0, 0], [1, 1]];
+    let carried = Carried { body_of: vec![0, 1, 0, 1, Carried::NO_BODY], own, bodies };
+    let rows = vec![4, 0, 7, 2, 5];
+    let (mut position, mut rotation) = (Vec::new(), Vec::new());
+    for (row, mean) in rows.iter().map(|row| means[*row as usize]).enumerate() {
+        let body = carried.of(row, mean);
+        let sum = |own: bool, body: Option<[f32; 3]>, vector: [f32; 3]| {
+            let (own, body) = (if own { vector } else { [0.0; 3] }, body.unwrap_or_default());
+            [0, 1, 2].map(|axis| own[axis] + body[axis])
+        };
+        let [of_position, of_rotation] = carried.own[row];
+        for j in 0..3 {
+            position.push(sum(usize::from(of_position) > j, body.as_ref().map(|body| body.0[j]), vector()));
+        }
+        rotation.push(sum(of_rotation > 0, body.map(|body| body.1[0]), vector()));
+    }
+    let law = Law::Series(SeriesLaw {
+        t0: 0.5,
+        half: 0.5,
+        position: Series { functions: powers(3), vectors: position },
+        rotation: Series { functions: powers(1), vectors: rotation },
+        carried: Some(carried),
+    });
+    Motion { span: [0.0, 1.0], middle: 0.5, rows, law }
+}
+
+/// Sums of five products of numbers below four, rounded to f32: 2e-6.
+const ROUNDED: f32 = 2e-6;
+
+/// Bodies are stored once; rows come back with whole vectors, in another order. Turned worlds and selected rows carry
+/// the same motion on.
+#[test]
+fn bodies_are_stored_once() {
+    let splats = random(8, 1, 2);
+    let motion = carried(&splats.means);
+    let bytes = encode(&splats, Some(&motion), false).expect("encoded");
+    let Law::Series(law) = &motion.law else { panic!("a series") };
+    let alone = Law::Series(SeriesLaw { carried: None, ..law.clone() });
+    let whole = encode(&splats, Some(&Motion { law: alone, ..motion.clone() }), false).expect("encoded");
+    let same_places = |a: &Splats, b: &Splats| {
+        let near = |a: &[f32; 3], b: &[f32; 3]| (0..3).all(|axis| (a[axis] - b[axis]).abs() < ROUNDED);
+        assert!(a.means.iter().zip(&b.means).all(|(a, b)| near(a, b)), "{:?}\n{:?}", a.means, b.means);
+        for (a, b) in a.quats.iter().zip(&b.quats) {
+            let dot: f64 = unit(*a).iter().zip(unit(*b)).map(|(a, b)| a * b).sum();
+            assert!((dot.abs() - 1.0).abs() < f64::from(ROUNDED));
+        }
+    };
+    let (found, plain) = (decode(&bytes).expect("decoded"), decode(&whole).expect("decoded"));
+    for t in [0.0, 0.3, 0.5, 1.2] {
+        let at = |contents: &Contents| contents.motion.as_ref().expect("moves").at(&contents.splats, t);
+        same_places(&at(&found), &at(&plain));
+    }
+    // Once more, from what was read; then turned by a rotation that is no change of signs.
+    let again = encode(&found.splats, found.motion.as_ref(), false).expect("encoded");
+    assert_eq!(again.len(), bytes.len());
+    let turn = glam::DMat3::from_axis_angle(glam::DVec3::new(1.0, 2.0, -0.5).normalize(), 1.1);
+    let turned = (crate::turn::turn(&splats, turn), crate::turn::turn_motion(&motion, turn));
+    let read = decode(&encode(&turned.0, Some(&turned.1), false).expect("encoded")).expect("decoded");
+    same_places(&turned.1.at(&turned.0, 0.9), &read.motion.expect("moves").at(&read.splats, 0.9));
+    // Away from t0 nothing is carried.
+    let late = Motion { middle: 0.6, ..motion.clone() };
+    let read = decode(&encode(&splats, Some(&late), false).expect("encoded")).expect("decoded");
+    assert!(matches!(read.motion.expect("moves").law, Law::Series(SeriesLaw { carried: None, .. })));
+    // Rows 0 and 5 of the scene are the second and the last of the motion.
+    let selected = motion.select(&[0, 5]);
+    let Law::Series(SeriesLaw { carried: Some(left), .. }) = &selected.law else { panic!("bodies") };
+    assert_eq!((left.body_of.as_slice(), left.own.as_slice()), (&[1, 255][..], &[[0, 1], [1, 1]][..]));
 }
 
 /// Positions and harmonics come back to the bit. The logarithm of an exponential is off by the rounding of the
@@ -104,19 +185,25 @@ fn key_frames_are_met_and_joined_by_lines() {
 /// A file cut anywhere, or with any byte of its JSON changed, is refused or read, and nothing panics.
 #[test]
 fn broken_files_are_refused() {
-    let bytes = encode(&random(8, 1, 2), Some(&moving(true)), false).expect("encoded");
+    let splats = random(8, 1, 2);
+    for motion in [moving(true), carried(&splats.means)] {
+        broken_file_is_refused(&encode(&splats, Some(&motion), false).expect("encoded"));
+    }
+    let outside = Motion { rows: vec![8, 0, 7], ..moving(false) };
+    assert!(encode(&random(8, 1, 2), Some(&outside), false).expect_err("no such row").contains("below 8"));
+}
+
+fn broken_file_is_refused(bytes: &[u8]) {
     for length in (0..bytes.len()).step_by(3) {
         assert!(decode(&bytes[..length]).is_err(), "{length} bytes");
     }
     for place in 12..bytes.len().min(6000) {
         for with in [b'9', b'"', 0xff] {
-            let mut broken = bytes.clone();
+            let mut broken = bytes.to_vec();
             broken[place] = with;
             let _ = decode(&broken);
         }
     }
-    let outside = Motion { rows: vec![8, 0, 7], ..moving(false) };
-    assert!(encode(&random(8, 1, 2), Some(&outside), false).expect_err("no such row").contains("below 8"));
 }
 
 #[test]

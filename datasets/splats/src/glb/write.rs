@@ -41,7 +41,7 @@ pub fn encode(splats: &Splats, motion: Option<&Motion>, linear: bool) -> Result<
     extensions.insert(SPLATS.into(), json!({"kernel": "ellipse", "colorSpace": space}));
     if let Some(motion) = motion.filter(|motion| !motion.rows.is_empty()) {
         used.push(MOTION);
-        extensions.insert(MOTION.into(), motion::to_json(&flip_motion(motion), &mut arrays));
+        extensions.insert(MOTION.into(), motion::to_json(&flip_motion(motion), &splats.means, &mut arrays));
     }
     let mut extras = splats.antialiased.map_or(json!({}), |antialiased| json!({"antialiased": antialiased}));
     if splats.offset != [0.0; 3] {

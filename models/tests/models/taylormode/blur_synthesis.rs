@@ -8,7 +8,7 @@ use gs_base::Intrinsics;
 use gs_models::Pixels;
 use gs_models::light::{Mixing, to_encoded};
 use gs_models::taylormode::blur_path::blur_path;
-use gs_models::taylormode::{Exposure, Samples, blurred_color, decoupled};
+use gs_models::taylormode::{Exposure, PhotoShutter, Samples, blurred_color, decoupled};
 use gs_tests::devices::{Place, doubles, everywhere, reference};
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_near, values};
@@ -43,7 +43,7 @@ fn slide(place: &Place, pixels: f64, samples: Samples, count: usize, mixing: Mix
         place.tensor(&[depth; 80], [80, 1]),
         place.tensor(&velocity, [80, 3]),
         &camera,
-        exposure.offsets(samples, count, 1.0),
+        exposure.offsets(samples, count, PhotoShutter { exposure: 0, share: 1.0 }),
     );
     let blurred = values(&blurred_color(image, path, None, mixing));
     (blurred.into_iter().step_by(3).collect(), (40..120).map(|i| f64::from(i) + 0.5).collect())

@@ -2,7 +2,7 @@
 
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
-use gs_models::taylormode::{Exposure, Instants, Samples};
+use gs_models::taylormode::{Exposure, Instants, PhotoShutter, Samples};
 use gs_tests::devices::{doubles, everywhere, reference};
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{assert_near, values};
@@ -18,10 +18,10 @@ fn samples_lie_where_equation_7_says() {
         assert_eq!(samples.offsets(0), [0.0; 0]);
     }
     for place in everywhere() {
-        let exposure = Exposure::new(0.03, &place.device);
-        assert!((exposure.tau_on_host() - 0.03).abs() < 1e-8);
-        assert_near(&place.name, &values(&exposure.offsets(Samples::Ends, 3, 1.0)), &[-0.015, 0.0, 0.015], 1e-8);
-        assert_near(&place.name, &values(&exposure.offsets(Samples::Ends, 3, SHARE)), &[-0.009, 0.0, 0.009], 1e-8);
+        let exposure = Exposure::new(0.03, 1, &place.device);
+        assert!((exposure.on_host()[0] - 0.03).abs() < 1e-8);
+        assert_near(&place.name, &values(&exposure.offsets(Samples::Ends, 3, WHOLE)), &[-0.015, 0.0, 0.015], 1e-8);
+        assert_near(&place.name, &values(&exposure.offsets(Samples::Ends, 3, PART)), &[-0.009, 0.0, 0.009], 1e-8);
     }
 }
 
@@ -33,8 +33,9 @@ fn ends_spread_too_far() {
     assert!((spread(Samples::Middles, 7) - (1.0 - 1.0 / 49.0)).abs() < 1e-12);
 }
 
-/// A photo whose shutter was open for less than the others'.
-const SHARE: f64 = 0.6;
+/// The shutter of a photo, and of one that was open for less than the others.
+const WHOLE: PhotoShutter = PhotoShutter { exposure: 0, share: 1.0 };
+const PART: PhotoShutter = PhotoShutter { exposure: 0, share: 0.6 };
 
 #[test]
 fn an_instant_carries_the_gradient_by_the_exposure() {
@@ -53,13 +54,13 @@ fn an_instant_carries_the_gradient_by_the_exposure() {
         let log_tau = 0.2_f64.ln();
         let exposure = |log_tau: f64| Exposure { log_tau: Param::from_tensor(place.tensor(&[log_tau], [1])) };
         let tracked = exposure(log_tau).train();
-        let instants = tracked.instants(WINDOW.t0 + 0.02, Samples::Middles, 4, SHARE);
-        let plain: f64 = values(&sum(exposure(log_tau).instants(WINDOW.t0 + 0.02, Samples::Middles, 4, SHARE)))[0];
+        let instants = tracked.instants(WINDOW.t0 + 0.02, Samples::Middles, 4, PART);
+        let plain: f64 = values(&sum(exposure(log_tau).instants(WINDOW.t0 + 0.02, Samples::Middles, 4, PART)))[0];
         let loss = sum(instants);
         assert_eq!(values(&loss)[0], plain, "{}: the shift changes values", place.name);
         let gradients = loss.backward();
         let gradient = values(&tracked.log_tau.grad(&gradients).expect("tracked"))[0];
-        let at = |x: f64| values(&sum(exposure(x).instants(WINDOW.t0 + 0.02, Samples::Middles, 4, SHARE)))[0];
+        let at = |x: f64| values(&sum(exposure(x).instants(WINDOW.t0 + 0.02, Samples::Middles, 4, PART)))[0];
         let difference = (at(log_tau + 1e-5) - at(log_tau - 1e-5)) / 2e-5;
         assert!((gradient - difference).abs() < 1e-6 * difference.abs(), "{}: {gradient} {difference}", place.name);
     }
@@ -68,9 +69,20 @@ fn an_instant_carries_the_gradient_by_the_exposure() {
 #[test]
 fn offsets_are_differentiable() {
     let place = reference();
-    let exposure = Exposure::new(0.5, &place.device).train();
+    let exposure = Exposure::new(0.5, 1, &place.device).train();
     let weights = Tensor::<1>::from_data([1.0, 0.0, 3.0], &place.device);
-    let gradients = (exposure.offsets(Samples::Ends, 3, 1.0) * weights).sum().backward();
+    let gradients = (exposure.offsets(Samples::Ends, 3, WHOLE) * weights).sum().backward();
     // d/d(ln tau) of -tau / 2 + 3 tau / 2.
     assert_near("log_tau", &values(&exposure.log_tau.grad(&gradients).expect("tracked")), &[0.5], 1e-6);
+}
+
+/// Each exposure gets the gradient of its own photos.
+#[test]
+fn cameras_learn_their_own_exposures() {
+    let place = reference();
+    let exposure = Exposure::new(0.5, 3, &place.device).train();
+    let weights = Tensor::<1>::from_data([1.0, 0.0, 3.0], &place.device);
+    let second = PhotoShutter { exposure: 1, ..WHOLE };
+    let gradients = (exposure.offsets(Samples::Ends, 3, second) * weights).sum().backward();
+    assert_near("log_tau", &values(&exposure.log_tau.grad(&gradients).expect("tracked")), &[0.0, 0.5, 0.0], 1e-6);
 }

@@ -1,22 +1,25 @@
 //! The state of a moving scene before the first step: initial Gaussians, the initial paths of moving ones, which are
 //! those of their objects, and the networks that the configuration learns beside them.
 
+use std::collections::BTreeSet;
+
 use burn::module::Param;
 use burn::tensor::{Device, Tensor};
 use glam::{DVec3, Vec3};
 use gs_base::mean;
 use gs_datasets::Scene;
+use gs_models::taylormode::bodies::NO_BODY;
 use gs_models::taylormode::order::has_pattern;
-use gs_models::taylormode::{MotionFrame, RemainderFrame};
+use gs_models::taylormode::{BodyFrame, MotionFrame, RemainderFrame};
 use gs_multiview::Track;
 
 use super::bodies::bodies;
-use super::common_motion::CommonMotion;
 use super::config::{BlurMode, MaskSource, RemainderChoice, VelocitySource};
 use super::cues::{Cues, first_exposure, window};
 use super::initial_paths::{contacts, initial_paths, nearest, shape};
 use super::initial_points::initial_points;
 use super::model::{Networks, Units};
+use super::score::Score;
 use super::{Config, Step, Taylormode};
 use gs_train::fit::initialise::InitialGaussians;
 use gs_train::fit::parameters::from_host;
@@ -58,26 +61,44 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Ta
     if wants_remainder(cues, config) {
         frame.remainder = Some(remainder_frame(&frame.rows, means, order));
     }
+    if highest > 0 && choice.motion.collective {
+        (frame.bodies, frame.body_of) = match (follows, nothing_found) {
+            (true, _) => objects(&cues.tracks, &frame, means),
+            (false, true) => (Vec::new(), frame.body_of),
+            (false, false) => apart(&frame, means),
+        };
+        frame.bodies.iter_mut().for_each(|body| body.order = order as u8);
+    }
+    for row in (0..frame.rows.len()).filter(|row| frame.body_of[*row] != NO_BODY).collect::<Vec<_>>() {
+        (frame.orders[row], frame.rotation_orders[row], frame.own_jumps[row]) = (0, 0, false);
+    }
     let units = Units::new(at.facts.extent, window.half);
     let mut model = Taylormode::new(&frame, exposure, (networks(config), units), config.seed, device);
     model.stated_exposure = (choice.blur.exposure == 0.0 && guess.is_none()).then_some(exposure);
+    if model.stated_exposure.is_none() && model.learns_exposure(config) {
+        let names: Option<BTreeSet<String>> = scene.train.iter().map(|view| view.camera_id.clone()).collect();
+        model = model.with_cameras(names.unwrap_or_default().into_iter().collect());
+    }
+    model.score = (!model.motion.bodies.is_empty()).then(|| Score::new(&model.motion, device));
     if follows {
         let (blocks, jumps) = initial_paths(&cues.tracks, &frame, means, order);
+        let width = [3 * order, 3 * frame.contacts.len()];
+        for (index, body) in model.motion.bodies.iter_mut().enumerate() {
+            // All rows of a body begin on one path, which is its shift.
+            let Some(row) = frame.body_of.iter().position(|of| usize::from(*of) == index) else { continue };
+            let [path, jump] =
+                [(&blocks, width[0]), (&jumps, width[1])].map(|(all, width)| &all[width * row..][..width]);
+            let shift = [path, &vec![0.0; 3 * (highest - order)], jump].concat();
+            let columns = shift.len();
+            let all = [shift, vec![0.0; 3 * columns]].concat();
+            body.blocks = Param::initialized(body.blocks.id, from_host(all, columns, device));
+        }
         let begun: Tensor<2> = from_host(blocks, 3 * order, device);
         model.motion.position =
             model.motion.position.map(|all| all.slice_assign([0..frame.rows.len(), 0..3 * order], begun));
         if let Some(kinks) = &mut model.motion.kinks {
             kinks.jumps = Param::from_tensor(from_host(jumps, 3 * frame.contacts.len(), device));
         }
-    }
-    if highest > 0 && choice.motion.collective {
-        let objects = match (follows, nothing_found) {
-            (true, _) => object_frames(&cues.tracks, &frame, means),
-            (false, true) => Vec::new(),
-            (false, false) => body_frames(&frame, means),
-        };
-        model.objects =
-            objects.into_iter().map(|(centre, size)| CommonMotion::new(centre, size, highest, device)).collect();
     }
     (initial.gaussians, model)
 }
@@ -130,34 +151,46 @@ pub fn remainder_frame(rows: &[u32], means: &[[f32; 3]], order: usize) -> Remain
     RemainderFrame { centre: centre.to_array(), scale: spread(&positions, centre), order }
 }
 
-/// Centre and root mean square extent of each object; objects without Gaussians are left out. For several objects the
-/// centre is the path's position at `t0`, so that a Gaussian stays with the object on whose path it began.
-fn object_frames(tracks: &[Track], frame: &MotionFrame, means: &[[f32; 3]]) -> Vec<([f64; 3], f64)> {
-    let t0 = frame.window.t0;
+/// The objects as bodies, and the body of each moving Gaussian: the object on whose path it begins. Objects without
+/// Gaussians are left out.
+fn objects(tracks: &[Track], frame: &MotionFrame, means: &[[f32; 3]]) -> (Vec<BodyFrame>, Vec<u8>) {
     let mut parts = vec![Vec::new(); tracks.len()];
-    for position in positions(&frame.rows, means) {
-        parts[nearest(tracks, t0, position)].push(position);
+    for (index, position) in positions(&frame.rows, means).into_iter().enumerate() {
+        parts[nearest(tracks, frame.window.t0, position)].push(index);
     }
-    let filled = parts.into_iter().zip(tracks).filter(|(part, _)| !part.is_empty());
-    let alone = tracks.len() == 1;
-    let objects = filled.map(|(part, track)| {
-        let centre = if alone { mean(&part).unwrap_or(DVec3::ZERO) } else { track.path.position(t0) };
-        (centre.to_array(), spread(&part, centre))
-    });
-    objects.collect()
+    parts.retain(|part| !part.is_empty());
+    body_frames(parts, frame, means)
 }
 
-/// Centre and root mean square extent of each body that stands apart, where no path tells objects.
-fn body_frames(frame: &MotionFrame, means: &[[f32; 3]]) -> Vec<([f64; 3], f64)> {
+/// Each body that stands apart, where no path tells objects, and the body of each moving Gaussian: the nearest.
+fn apart(frame: &MotionFrame, means: &[[f32; 3]]) -> (Vec<BodyFrame>, Vec<u8>) {
     let moving: Vec<[f32; 3]> = frame.rows.iter().map(|row| means[*row as usize]).collect();
-    let bodies = bodies(&moving).into_iter().map(|body| {
-        let rows: Vec<u32> = body.into_iter().map(|index| frame.rows[index]).collect();
-        let own = positions(&rows, means);
-        let centre = mean(&own).unwrap_or(DVec3::ZERO);
-        (centre.to_array(), spread(&own, centre))
-    });
-    bodies.collect()
+    let (bodies, _) = body_frames(bodies(&moving), frame, means);
+    let nearest = |position: DVec3| {
+        let distance = |body: &BodyFrame| position.distance_squared(DVec3::from(body.centre));
+        let order = |a: &(usize, &BodyFrame), b: &(usize, &BodyFrame)| distance(a.1).total_cmp(&distance(b.1));
+        bodies.iter().enumerate().min_by(order).map_or(NO_BODY, |(index, _)| index as u8)
+    };
+    let body_of = positions(&frame.rows, means).into_iter().map(nearest).collect();
+    (bodies, body_of)
 }
+
+/// Bodies of parts that are given by indices of moving Gaussians, the first [`BODIES_MAX`], and the body of each.
+fn body_frames(parts: Vec<Vec<usize>>, frame: &MotionFrame, means: &[[f32; 3]]) -> (Vec<BodyFrame>, Vec<u8>) {
+    let all = positions(&frame.rows, means);
+    let mut body_of = vec![NO_BODY; frame.rows.len()];
+    let mut bodies = Vec::new();
+    for part in parts.into_iter().take(BODIES_MAX) {
+        let own: Vec<DVec3> = part.iter().map(|index| all[*index]).collect();
+        part.iter().for_each(|index| body_of[*index] = bodies.len() as u8);
+        let centre = mean(&own).unwrap_or(DVec3::ZERO);
+        bodies.push(BodyFrame::new(centre.to_array(), spread(&own, centre)));
+    }
+    (bodies, body_of)
+}
+
+/// Most bodies of a scene to begin with.
+const BODIES_MAX: usize = 64;
 
 /// The positions of the moving Gaussians at `t0`.
 fn positions(rows: &[u32], means: &[[f32; 3]]) -> Vec<DVec3> {

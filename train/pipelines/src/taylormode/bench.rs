@@ -3,11 +3,10 @@
 use burn::module::Param;
 use gs_burn::{Camera, Gaussians};
 use gs_models::Pixels;
-use gs_models::taylormode::{MotionFrame, TimeWindow};
+use gs_models::taylormode::{BodyFrame, MotionFrame, TimeWindow};
 use rand::Rng;
 
 use super::begin::networks;
-use super::common_motion::CommonMotion;
 use super::config::BlurMode;
 use super::extra::ComparedPixels;
 use super::model::Units;
@@ -49,7 +48,9 @@ fn with_blur(gaussians: Gaussians, camera: &Camera, mode: BlurMode) -> Steps {
     let motion = &config.method.motion;
     let rows: Vec<u32> = (0..gaussians.len() as u32).step_by(MOVING).collect();
     let window = TimeWindow { t0: 0.0, half: 1.0 };
-    let frame = MotionFrame::new(rows, motion.order_max, motion.rotation_order, window);
+    let mut frame = MotionFrame::new(rows, motion.order_max, motion.rotation_order, window);
+    frame.bodies = vec![BodyFrame { order: motion.order_max as u8, ..BodyFrame::new(OBJECT.0, OBJECT.1) }];
+    frame.body_of.fill(0);
     let mut rng = stream(0, Purpose::Bench, 1);
     let mut blocks = |orders: usize| {
         let values = (0..frame.rows.len() * 3 * orders).map(|_| rng.random_range(-DISPLACEMENT..DISPLACEMENT));
@@ -59,7 +60,6 @@ fn with_blur(gaussians: Gaussians, camera: &Camera, mode: BlurMode) -> Steps {
     let mut method = Taylormode::new(&frame, EXPOSURE, networks, config.seed, &device);
     method.motion.position = blocks(motion.order_max);
     method.motion.rotation = blocks(motion.rotation_order);
-    method.objects = vec![CommonMotion::new(OBJECT.0, OBJECT.1, motion.order_max, &device)];
 
     let (width, height) = (camera.width, camera.height);
     let mask: Vec<u8> =

@@ -84,7 +84,7 @@ section! {
         /// Most kinks in a path, times at which the velocity of every moving Gaussian may jump, as the centre's does
         /// (by BIC).
         kinks: usize = 2, in 0..=MAX_KINKS;
-        /// Highest order of a Gaussian's rotation; 0: the orientation is constant.
+        /// Highest order of a rotation; 0: orientations are constant. Gaussians of a body turn as it does.
         rotation_order: usize = 2, in 0..=MAX_ORDER;
         /// The source of moving pixels before training.
         masks: MaskSource = MaskSource::Auto;
@@ -96,7 +96,8 @@ section! {
         /// Learning rate of a path's coefficients at the first step, scene extents of displacement at the window's
         /// edge.
         position_lr: f64 = 1e-3, in NOT_NEGATIVE;
-        /// Whether all paths of an object are also updated together, by the sum of their gradients.
+        /// Whether the Gaussians of a body move together: by one path for the first fifth of the run, then also by the
+        /// sum of their gradients.
         collective: bool = true;
         /// The same of a rotation's coefficients, radians.
         rotation_lr: f64 = 2e-3, in NOT_NEGATIVE;
@@ -111,7 +112,7 @@ section! {
         /// Largest change of a Gaussian's position in a training view, pixels, at which a lower order is accepted; four
         /// times as much where the photos do not ask for the motion.
         select_pixels: f64 = NOTICEABLE, in NOT_NEGATIVE;
-        /// Soft threshold of each coefficient block at each selection, pixels.
+        /// Soft threshold of each coefficient block beside those of the body, at each selection, pixels.
         shrink_pixels: f64 = 0.05, in NOT_NEGATIVE;
     }
     also check_orders;

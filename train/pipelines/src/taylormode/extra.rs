@@ -25,6 +25,8 @@ pub struct PhotoPriors {
     pub guide: Option<[f64; 3]>,
     /// How long the shutter was open, as the data set states it, its unit of time.
     pub exposure: Option<f64>,
+    /// The camera's name.
+    pub camera: Option<String>,
 }
 
 /// The pixels at which a formed blur is compared.
@@ -64,6 +66,7 @@ impl PhotoPriors {
             depth: view.priors.depth.as_ref().map(depth),
             guide: cues.guides.get(index).copied().flatten(),
             exposure: view.exposure,
+            camera: view.camera_id.clone(),
         }
     }
 }

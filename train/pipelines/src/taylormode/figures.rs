@@ -12,7 +12,6 @@ use gs_models::{Pixels, sh_bands};
 use super::blur::exposed;
 use super::config::{BlurMode, VelocitySource};
 use super::cues::stated_exposure;
-use super::update::learns_exposure;
 use super::{Config, Step, Taylormode};
 use gs_train::fit::figure::{Better, Figure, FigureTable, Figures};
 use gs_train::fit::parameters::to_host;
@@ -37,8 +36,12 @@ pub struct MotionCost {
     pub summary: Summary,
     /// Gaussians that move.
     pub moving: usize,
-    /// Mean order of the paths of moving Gaussians.
+    /// Mean order of their own of moving Gaussians.
     pub mean_order: f64,
+    /// Bodies.
+    pub bodies: usize,
+    /// Gaussians that move as their body does and store nothing of their own.
+    pub followers: usize,
     /// Moving Gaussians by order of their rotation, from 0 on.
     pub rotation_orders: Vec<usize>,
     /// Kinks in every path.
@@ -69,7 +72,7 @@ pub fn figures(model: &Taylormode, gaussians: &Gaussians, scene: &Scene, views: 
     let exposure = model.exposure_on_host();
     // Exposures of the training photos; held-out views may have others.
     let stated = stated_exposure(&scene.train).or_else(|| stated_exposure(views));
-    let error = stated.filter(|_| learns_exposure(model, at.config)).map(|stated| (exposure / stated - 1.0).abs());
+    let error = stated.filter(|_| model.learns_exposure(at.config)).map(|stated| (exposure / stated - 1.0).abs());
     let note = error.map_or(String::new(), |error| format!("off by {:.1} %", 100.0 * error));
     numbers.push(Figure::new("exposure", "exposure", exposure, "").digits(4).note(note).headline());
     if let Some(error) = error {
@@ -104,7 +107,7 @@ struct Splatted {
 
 /// The blurred image of a view over its share of the learned exposure, by exact integration, `[H, W, 3]` from 0 to 1.
 pub fn form_blur(model: &Taylormode, gaussians: &Gaussians, view: &View, at: &Step) -> Tensor<3> {
-    blur_over(gaussians, &model.motion, model.exposure_of(view.exposure), view, at)
+    blur_over(gaussians, &model.motion, model.exposure_of(view), view, at)
 }
 
 /// The blurred image of a view over any exposure, in the data set's unit of time.
@@ -263,13 +266,14 @@ pub fn cost(model: &Taylormode, gaussians: &Gaussians, config: &Config) -> Motio
     // Rendering needs the 3D remainder; the other networks only form blur in training.
     let remainder = motion.remainder.as_ref().map_or(0, |network| parameter_bytes(network) / size_of::<f32>());
     let degrees = sh_degrees(gaussians);
+    let blocks: usize = motion.orders.iter().chain(&motion.rotation_orders).map(|order| usize::from(*order)).sum();
     let size = Size {
         gaussians: gaussians.len(),
         sh_coefficients: degrees.iter().enumerate().map(|(degree, count)| count * (degree + 1).pow(2)).sum(),
         position_orders: usize_of(&motion.orders),
         rotation_orders: usize_of(&motion.rotation_orders),
-        // Times of the contacts, and a jump for each moving Gaussian at each.
-        network: remainder + motion.contacts().len() * (2 + 3 * motion.rows.len()),
+        // All of the motion that is not in the orders of single Gaussians: bodies, contacts, jumps.
+        network: remainder + motion.numbers() - 3 * blocks,
     };
     let choice = &config.method.motion;
     let fixed = FixedOrder {
@@ -278,7 +282,6 @@ pub fn cost(model: &Taylormode, gaussians: &Gaussians, config: &Config) -> Motio
         position: choice.order,
         rotation: choice.rotation_order,
     };
-    let blocks: usize = size.position_orders.iter().chain(&size.rotation_orders).sum();
     MotionCost {
         summary: Summary::new(&size, &fixed),
         moving: motion.rows.len(),
@@ -287,6 +290,8 @@ pub fn cost(model: &Taylormode, gaussians: &Gaussians, config: &Config) -> Motio
         kinks: motion.contacts().len(),
         remainder: motion.remainder.is_some(),
         motion_parameters: 3 * blocks + size.network,
+        bodies: motion.bodies.len(),
+        followers: motion.followers(),
         fixed_motion_parameters: 3 * size.gaussians * (fixed.position + fixed.rotation),
         sh_degrees: degrees,
         fixed_order: fixed.position,
@@ -302,6 +307,8 @@ impl MotionCost {
             count("moving_gaussians", "moving Gaussians", self.moving).note(mean_order).headline(),
             Figure::new("static_share", "static", static_share, "%").digits(1),
             Figure::new("mean_order", "mean order of the moving", self.mean_order, "").digits(2),
+            count("bodies", "bodies", self.bodies),
+            count("followers", "Gaussians that follow a body", self.followers),
             count("kinks", "kinks in each path", self.kinks),
             count("remainder", "3D remainder", usize::from(self.remainder)),
             count("motion_numbers", "numbers of motion", self.motion_parameters).better(Better::Lower).column(),

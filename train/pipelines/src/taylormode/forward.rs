@@ -13,7 +13,7 @@ use gs_models::depth_prior::{Alignment, DepthSpace, align, depth_correlation_los
 use gs_models::light::Mixing;
 use gs_models::taylormode::blur_path::{back_project, blur_path, camera_velocity, hybrid_depth, to_world};
 use gs_models::taylormode::blur_synthesis::{blurred_color, decoupled};
-use gs_models::taylormode::{Exposure, Paths, Samples, losses};
+use gs_models::taylormode::{Exposure, Paths, PhotoShutter, Samples, losses};
 
 use super::blur::expose;
 use super::config::{BlurMode, DepthFit, VelocitySource};
@@ -113,8 +113,8 @@ impl Formation<'_> {
         let render = RenderOptions { depth: self.needs_depth(), ..self.options };
         let options = ExposureOptions { render, linear: blur.linear, room: self.room };
         // Midpoints: their mean is exact to second order, and covers the shutter's interval for any count.
-        let (exposure, share) = self.exposure();
-        let instants = exposure.instants(self.photo.time, Samples::Middles, blur.samples_at(self.progress), share);
+        let (exposure, shutter) = self.exposure();
+        let instants = exposure.instants(self.photo.time, Samples::Middles, blur.samples_at(self.progress), shutter);
         let rows = &self.model.motion.rows;
         let formed = expose(&gaussians, &self.paths, rows, &instants, &self.photo.camera, &options, screen.clone());
         let image = self.photo.image.clone();
@@ -166,8 +166,8 @@ impl Formation<'_> {
 
         let depth = pixels.of(self.hybrid_depth(&centre));
         let velocity = camera_velocity(self.velocity(pixels, &centre, &depth), &photo.camera.viewmat);
-        let (exposure, share) = self.exposure();
-        let offsets = exposure.offsets(Samples::Ends, blur.samples, share);
+        let (exposure, shutter) = self.exposure();
+        let offsets = exposure.offsets(Samples::Ends, blur.samples, shutter);
         let path = blur_path(pixels, depth.clone(), velocity.clone(), &photo.camera.intrinsics, offsets);
         let weights = self.model.weights.as_ref().map(|network| network.forward(depth, velocity.clone()));
         // Section 3.4 and Figure 1 split the image by its mask: the colours of static pixels get no gradient from the
@@ -242,11 +242,12 @@ impl Formation<'_> {
         self.progress < prior.until && (pseudo || depth)
     }
 
-    /// The exposure, as a leaf of the graph if it is learned, and the photo's share of it.
-    fn exposure(&self) -> (Exposure, f64) {
+    /// The exposure, as a leaf of the graph if it is learned, and the photo's shutter.
+    fn exposure(&self) -> (Exposure, PhotoShutter) {
         let exposure = self.model.exposure.clone();
         let exposure = if self.config.method.blur.learn_exposure { exposure } else { exposure.valid() };
-        (exposure, self.model.exposure_share(self.photo.extra.exposure))
+        let extra = &self.photo.extra;
+        (exposure, self.model.shutter_of(extra.camera.as_deref(), extra.exposure))
     }
 
     /// The scene with its static Gaussians out of the graph (section 3.4).

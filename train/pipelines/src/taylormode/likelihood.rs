@@ -62,7 +62,7 @@ pub fn select_with_check(
     for share in SHARES {
         config.select_pixels = limit * share;
         let selection = select(gaussians, &model.motion, views, &config);
-        let dropped = blocks(&model.motion) - blocks(&selection.motion);
+        let dropped = model.motion.numbers() as f64 - selection.motion.numbers() as f64;
         let simpler = Candidate { gaussians: &selection.gaussians, motion: &selection.motion, model: &model };
         let one =
             |(view, before): (&&View, &Tensor<3>)| compared(view, simpler.formed(view, at), before.clone(), &device);
@@ -73,25 +73,21 @@ pub fn select_with_check(
             variance: (higher / pixels).max(f64::MIN_POSITIVE),
             pixels,
             blur_area: area,
-            parameters: 3.0 * dropped as f64,
+            parameters: dropped,
         };
         if !evidence.accepts() {
             let Selection { gaussians: moved, motion, kept, selected } = selection;
             *gaussians = moved;
+            let mut score = model.score;
             if let Some(kept) = &kept {
                 follow_moments(adam, kept);
+                score = score.map(|score| score.follow(kept));
             }
-            return (Taylormode { motion, ..model }.held_to_orders(adam), selected);
+            return (Taylormode { motion, score, ..model }.held_to_orders(gaussians, adam), selected);
         }
         tracing::debug!(share, lower, higher, pixels, dropped, "the photos want the motion kept");
     }
     (model, Selected::default())
-}
-
-/// Coefficient blocks and jumps in use.
-fn blocks(motion: &TaylorMotion) -> usize {
-    let blocks: usize = motion.orders.iter().chain(&motion.rotation_orders).map(|order| usize::from(*order)).sum();
-    blocks + motion.contacts().len() * motion.rows.len()
 }
 
 impl Candidate<'_> {
@@ -99,7 +95,7 @@ impl Candidate<'_> {
     fn formed(&self, view: &View, at: &Step) -> Tensor<3> {
         let blur = &at.config.method.blur;
         let count = if blur.mode == BlurMode::None { 1 } else { blur.samples };
-        exposed(self.gaussians, self.motion, (self.model.exposure_of(view.exposure), count), view, at)
+        exposed(self.gaussians, self.motion, (self.model.exposure_of(view), count), view, at)
     }
 
     /// Mean path of the moving Gaussians during one exposure, pixels: the length over which blur correlates pixels.

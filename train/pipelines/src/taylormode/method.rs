@@ -9,7 +9,7 @@ use gs_datasets::{Scene, View};
 use gs_models::{DynamicScene, Shutter};
 
 use super::config::{BlurMode, Sections};
-use super::curriculum::{self, Opening};
+use super::curriculum::{self, Opening, SELECT_FROM};
 use super::model::Frame;
 use super::scene::ExposedScene;
 use super::{Config, Cues, PhotoPriors, Step, Taylormode, begin, config, cues, figures, likelihood, select};
@@ -24,10 +24,6 @@ use gs_train::fit::saved::Saved;
 use gs_train::fit::schedule::due;
 use gs_train::fit::told::{Blur, CAP, ChartKey, Introduction, Region, Told};
 use gs_train::run::memory::{largest_photo, of_rendering, pixels};
-
-/// Share of the run after which orders are first selected, after the recording is used to its ends
-/// (`motion.curriculum`).
-const SELECT_FROM: f64 = 0.5;
 
 /// At most a quarter of the tiles, and of the Gaussians, moved in the scenes tried.
 const TILES_PER_MOVING_TILE: u64 = 4;
@@ -70,12 +66,13 @@ impl Method for Taylormode {
 
     fn after_step(self, gaussians: &mut Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Self {
         let (motion, steps) = (&at.config.method.motion, at.config.steps);
+        let this = self.tested(gaussians, adam, views.len(), at);
         let begun = at.step as f64 >= SELECT_FROM * steps as f64;
         if !(motion.select && begun && (due(at.step, motion.select_every) || at.step == steps)) {
-            return self;
+            return this;
         }
         let _stage = profile::whole_stage("selection of orders");
-        let (model, selected) = likelihood::select_with_check(self, gaussians, adam, views, at);
+        let (model, selected) = likelihood::select_with_check(this, gaussians, adam, views, at);
         tracing::debug!(step = at.step, moving = model.motion.len(), ?selected, "motion");
         select::select_bands(gaussians, at.step == steps);
         model
@@ -214,8 +211,9 @@ impl Blur<Taylormode> for Exposures {
     fn memory(&self, scene: &Scene, config: &Config) -> Vec<(&'static str, u64)> {
         let masks = scene.train.iter().map(pixels).sum();
         let (cap, motion) = (config.density.cap as u64, &config.method.motion);
-        // Values, gradients and two moments, if all that may be there moves.
-        let paths = 4 * 4 * 3 * (motion.order_max + motion.rotation_order) as u64 * cap;
+        // Values, gradients and two moments, if all that may be there moves; sums, squares and their gradients of the
+        // score test.
+        let paths = 8 * 4 * 3 * (motion.order_max + motion.rotation_order) as u64 * cap;
         // A measured exposure has more instants than a training step, whose buffers have been released then.
         let instant = of_rendering(cap, largest_photo(scene));
         let exposure = figures::MEASURE_SAMPLES as u64 * instant / TILES_PER_MOVING_TILE;

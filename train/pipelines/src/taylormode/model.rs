@@ -1,22 +1,26 @@
 //! All learned quantities of motion and blur, as one Burn module.
 
-use burn::module::Module;
-use burn::tensor::Device;
+use burn::module::{Module, Param};
+use burn::tensor::{Device, Tensor};
+use gs_base::median;
 use gs_burn::Gaussians;
+use gs_datasets::View;
 use gs_models::taylormode::{
     BlurWeights, BlurWeightsConfig, DirectVelocity, DirectVelocityConfig, Exposure, MotionFrame, PeanoMap,
-    PeanoMapConfig, TaylorMotion, TaylorScene, TimeWindow,
+    PeanoMapConfig, PhotoShutter, TaylorMotion, TaylorScene, TimeWindow,
 };
 use serde::{Deserialize, Serialize};
 
-use super::common_motion::CommonMotion;
+use super::Config;
+use super::config::BlurMode;
+use super::score::Score;
 
 /// The module of the method, beside the Gaussians.
 #[derive(Module, Debug)]
 pub struct Taylormode {
     /// Paths, rotations, kinks and the 3D remainder (Eq. 2).
     pub motion: TaylorMotion,
-    /// The exposure (Eq. 7).
+    /// The exposure (Eq. 7), of all photos or of each of `cameras`.
     pub exposure: Exposure,
     /// The remainder on the velocity map (Eq. 5).
     pub peano: Option<PeanoMap>,
@@ -24,11 +28,14 @@ pub struct Taylormode {
     pub weights: Option<BlurWeights>,
     /// Velocity by a network alone (Table 2, "w/o Taylor Expansion").
     pub velocity: Option<DirectVelocity>,
-    /// The common motion of each object, if it is learned.
-    pub objects: Vec<CommonMotion>,
+    /// The test of motion beside that of bodies, where there are bodies.
+    pub score: Option<Score>,
     /// The exposure that the data set states, its unit of time, with which the learned one begins: the median where
     /// cameras differ.
     pub stated_exposure: Option<f64>,
+    /// Names of the cameras that have an exposure each; empty: there is one for all.
+    #[module(skip)]
+    pub cameras: Vec<String>,
     /// Units of depths (scene units) and speeds (scene units per unit of time) in the networks.
     #[module(skip)]
     pub units: Units,
@@ -67,11 +74,12 @@ pub struct Frame {
     motion: MotionFrame,
     /// As bits.
     stated_exposure: Option<u64>,
+    cameras: Vec<String>,
+    /// Photos of the score test.
+    scored: Option<usize>,
     networks: Networks,
     /// Units of depth and velocity, as bits.
     units: [u64; 2],
-    /// Centre and scale of each object's common motion, as bits.
-    objects: Vec<[u64; 4]>,
 }
 
 /// Highest order and most samples that a frame may name: far above a configuration's limits, and small enough to
@@ -85,9 +93,8 @@ impl Frame {
     /// # Errors
     /// A sentence when they do not.
     pub fn check(&self) -> Result<(), String> {
-        let MotionFrame { rows, orders, rotation_orders, .. } = &self.motion;
-        if orders.len() != rows.len() || rotation_orders.len() != rows.len() {
-            return Err("the lists of moving Gaussians have different lengths".into());
+        if !self.motion.is_consistent() {
+            return Err("the lists of moving Gaussians do not fit each other".into());
         }
         if self.motion.order.max(self.motion.rotation_order) > ORDERS_MAX || self.networks.weights > SAMPLES_MAX {
             return Err("orders or samples beyond all that can be trained".into());
@@ -112,12 +119,13 @@ impl Taylormode {
         let direct = || DirectVelocityConfig::new([0.0; 3], depth, velocity).with_seed(seed).init(device);
         Self {
             motion: frame.init(seed, device),
-            exposure: Exposure::new(exposure, device),
+            exposure: Exposure::new(exposure, 1, device),
             peano: networks.peano.then(peano),
             weights: (networks.weights > 0).then(weights),
             velocity: networks.velocity.then(direct),
-            objects: Vec::new(),
+            score: None,
             stated_exposure: None,
+            cameras: Vec::new(),
             units,
         }
     }
@@ -135,21 +143,46 @@ impl Taylormode {
         TaylorScene { gaussians, motion: self.motion.clone() }
     }
 
-    /// The exposure, in the data set's unit of time; reads it back from the device.
+    /// The module with an exposure for each of `cameras`, all of the same length.
+    pub fn with_cameras(self, cameras: Vec<String>) -> Self {
+        let exposure = Exposure::new(self.exposure_on_host(), cameras.len().max(1), &self.exposure.log_tau.device());
+        Self { exposure, cameras, ..self }
+    }
+
+    /// The exposure, in the data set's unit of time, the median where cameras have their own; reads it back from the
+    /// device.
     pub fn exposure_on_host(&self) -> f64 {
-        self.exposure.tau_on_host()
+        median(self.exposure.on_host()).unwrap_or(f64::NAN)
     }
 
-    /// The exposure of a photo, of which the data set says `stated`, both in its unit of time; reads the learned one
-    /// back from the device.
-    pub fn exposure_of(&self, stated: Option<f64>) -> f64 {
-        self.exposure_on_host() * self.exposure_share(stated)
+    /// The exposure of a photo, in the data set's unit of time; reads the learned one back from the device. A camera
+    /// that was not trained with has the median of the others.
+    pub fn exposure_of(&self, view: &View) -> f64 {
+        let PhotoShutter { exposure, share } = self.shutter_of(view.camera_id.as_deref(), view.exposure);
+        let is_known = self.cameras.is_empty() || self.place_of(view.camera_id.as_deref()).is_some();
+        share * if is_known { self.exposure.on_host()[exposure] } else { self.exposure_on_host() }
     }
 
-    /// The share of the learned exposure for which the shutter of a photo was open; `stated` is what the data set says
-    /// of that photo, its unit of time. Cameras of one rig may differ.
-    pub fn exposure_share(&self, stated: Option<f64>) -> f64 {
-        stated.zip(self.stated_exposure).map_or(1.0, |(own, usual)| own / usual)
+    /// The shutter of a photo of `camera`, of which the data set says that it was open for `stated`, its unit of time:
+    /// cameras of one rig may differ.
+    pub fn shutter_of(&self, camera: Option<&str>, stated: Option<f64>) -> PhotoShutter {
+        let share = stated.zip(self.stated_exposure).map_or(1.0, |(own, usual)| own / usual);
+        PhotoShutter { exposure: self.place_of(camera).unwrap_or(0), share }
+    }
+
+    fn place_of(&self, camera: Option<&str>) -> Option<usize> {
+        self.cameras.iter().position(|known| Some(known.as_str()) == camera)
+    }
+
+    /// Whether the exposure is ever learned, through a formed blur that is compared.
+    pub fn learns_exposure(&self, config: &Config) -> bool {
+        let blur = &config.method.blur;
+        let is_compared = match blur.mode {
+            BlurMode::None => false,
+            BlurMode::Warp => config.method.prior.blur > 0.0,
+            BlurMode::Integrate => true,
+        };
+        blur.learn_exposure && is_compared && !(self.stated_exposure.is_some() && blur.exposure_from >= 1.0)
     }
 
     /// The constants of the module.
@@ -157,23 +190,24 @@ impl Taylormode {
         Frame {
             motion: self.motion.frame(),
             stated_exposure: self.stated_exposure.map(f64::to_bits),
+            cameras: self.cameras.clone(),
+            scored: self.score.as_ref().map(|score| score.photos),
             networks: Networks {
                 peano: self.peano.is_some(),
                 weights: self.weights.as_ref().map_or(0, BlurWeights::samples),
                 velocity: self.velocity.is_some(),
             },
             units: [self.units.depth, self.units.velocity].map(f64::to_bits),
-            objects: self.objects.iter().map(CommonMotion::frame_bits).collect(),
         }
     }
 
     /// A module of the structure that `frame` describes.
     pub fn of_frame(frame: &Frame, seed: u64, device: &Device) -> Self {
         let [depth, velocity] = frame.units.map(f64::from_bits);
-        let order = frame.motion.order;
         let shell = Self::new(&frame.motion, 1.0, (frame.networks, Units { depth, velocity }), seed, device);
-        let objects = frame.objects.iter().map(|bits| CommonMotion::of_bits(*bits, order, device)).collect();
-        Self { objects, stated_exposure: frame.stated_exposure.map(f64::from_bits), ..shell }
+        let shell = shell.with_cameras(frame.cameras.clone());
+        let score = frame.scored.map(|photos| Score { photos, ..Score::new(&shell.motion, device) });
+        Self { score, stated_exposure: frame.stated_exposure.map(f64::from_bits), ..shell }
     }
 
     /// Checks that the tensors fit each other and `gaussians` rows.
@@ -184,9 +218,12 @@ impl Taylormode {
         let motion = &self.motion;
         let rows = motion.rows.len();
         let is_path = |dims: [usize; 2]| dims[0] == rows && dims[1].is_multiple_of(3);
-        let lists = motion.orders.len() == rows && motion.rotation_orders.len() == rows;
         let ascending = motion.rows.windows(2).all(|pair| pair[0] < pair[1]);
-        if !is_path(motion.position.dims()) || !is_path(motion.rotation.dims()) || !lists || !ascending {
+        if !is_path(motion.position.dims())
+            || !is_path(motion.rotation.dims())
+            || !motion.frame().is_consistent()
+            || !ascending
+        {
             return Err("the paths do not fit the moving Gaussians".into());
         }
         if motion.rows.last().is_some_and(|row| *row as usize >= gaussians) {
@@ -197,11 +234,16 @@ impl Taylormode {
         {
             return Err("the kinks do not fit the contacts".into());
         }
-        if self.objects.iter().any(|object| object.sum.dims() != [4, motion.position.dims()[1]]) {
-            return Err("the common motion does not fit the paths".into());
+        let (blocks, turns) = (3 * (motion.order() + motion.contacts().len()), motion.rotation.dims()[1]);
+        if motion.bodies.iter().any(|body| body.blocks.dims() != [4, blocks] || body.turn.dims() != [1, turns]) {
+            return Err("the motion of bodies does not fit the paths".into());
         }
-        if self.exposure.log_tau.dims() != [1] {
-            return Err("the exposure is not one number".into());
+        let scored = |table: &Param<Tensor<2>>| table.dims() == [rows, blocks];
+        if self.score.as_ref().is_some_and(|score| !scored(&score.sum) || !scored(&score.square)) {
+            return Err("the score test does not fit the paths".into());
+        }
+        if self.exposure.log_tau.dims() != [self.cameras.len().max(1)] {
+            return Err("the exposures do not fit the cameras".into());
         }
         Ok(())
     }
@@ -217,10 +259,29 @@ mod tests {
         let device = gs_burn::device::select("auto").expect("a device");
         let frame = MotionFrame::new(Vec::new(), 0, 0, TimeWindow { t0: 0.0, half: 1.0 });
         let mut model = Taylormode::new(&frame, 0.2, (Networks::default(), Units::new(1.0, 1.0)), 1, &device);
-        assert_eq!(model.exposure_share(Some(0.1)), 1.0, "an exposure that was configured holds for all");
+        let share = |model: &Taylormode, stated| model.shutter_of(None, stated).share;
+        assert_eq!(share(&model, Some(0.1)), 1.0, "an exposure that was configured holds for all");
         model.stated_exposure = Some(0.2);
-        assert_eq!([Some(0.1), None, Some(0.0)].map(|own| model.exposure_share(own)), [0.5, 1.0, 0.0]);
+        assert_eq!([Some(0.1), None, Some(0.0)].map(|own| share(&model, own)), [0.5, 1.0, 0.0]);
         let restored = Taylormode::of_frame(&model.frame_data(), 1, &device);
         assert_eq!(restored.stated_exposure, Some(0.2));
+    }
+
+    /// Cameras learn exposures of their own; one that was not trained with has their median.
+    #[test]
+    fn each_camera_has_its_own_exposure() {
+        let device = gs_burn::device::select("auto").expect("a device");
+        let frame = MotionFrame::new(Vec::new(), 0, 0, TimeWindow { t0: 0.0, half: 1.0 });
+        let model = Taylormode::new(&frame, 0.2, (Networks::default(), Units::new(1.0, 1.0)), 1, &device);
+        let mut model = model.with_cameras(["a", "b", "c"].map(String::from).to_vec());
+        let learned = [0.1_f64, 0.4, 0.3].map(|tau| tau.ln() as f32);
+        model.exposure.log_tau = Param::from_tensor(Tensor::from_floats(learned, &device));
+        let restored = Taylormode::of_frame(&model.frame_data(), 1, &device);
+        assert_eq!(restored.cameras, model.cameras);
+        assert!(restored.check_shapes(0).is_ok());
+        let of = |name: &str| model.exposure_of(&View { camera_id: Some(name.into()), ..View::blank(1, 1) });
+        for (name, expected) in [("a", 0.1), ("b", 0.4), ("unseen", 0.3)] {
+            assert!((of(name) - expected).abs() < 1e-6, "{name}: {}", of(name));
+        }
     }
 }

@@ -6,11 +6,12 @@ use gs_burn::ops::rows::take_rows;
 use gs_burn::{Gaussians, NamedGradients, RowMap};
 use gs_models::taylormode::TaylorMotion;
 
-use super::common_motion::{CommonMotion, bases};
-use super::config::BlurMode;
-use super::curriculum::opening;
-use super::{Config, Step, Taylormode};
-use gs_train::fit::schedule::exponential;
+use super::common_motion::{self, Pace};
+use super::curriculum::{FOLLOW_UNTIL, SELECT_FROM, opening};
+use super::score::Score;
+use super::{Step, Taylormode};
+use gs_train::fit::parameters::{Group, Table};
+use gs_train::fit::schedule::{due, exponential};
 
 /// Steps over which the learning rates of motion rise linearly to their full value.
 const WARM_UP: f64 = 100.0;
@@ -56,7 +57,9 @@ impl Rates {
         Self {
             position: motion.position_lr * decay * at.facts.extent,
             rotation: motion.rotation_lr * decay,
-            exposure,
+            // A camera's own exposure has a gradient in one of so many steps. Adam's steps then are as long as that by
+            // the root of their number in all.
+            exposure: exposure * (model.cameras.len().max(1) as f64).sqrt(),
             network: blur.network_lr,
             remainder: REMAINDER_LR * decay,
         }
@@ -69,29 +72,18 @@ impl Rates {
         match name.split('.').next().unwrap_or_default() {
             "motion" if name.starts_with("motion.rotation") => AdamRate::new(self.rotation),
             "motion" if name.starts_with("motion.remainder") => AdamRate::new(self.remainder),
+            "motion" if name.starts_with("motion.bodies") => common_motion::rate(&position),
             "motion" => position,
             // While held, its rate is 0 but Adam's moments still run; starting them late would make the first steps too
             // long.
             "exposure" => AdamRate::new(self.exposure),
-            "objects" => CommonMotion::rate(&position),
             _ => AdamRate::new(self.network),
         }
     }
 }
 
-/// Whether the exposure is ever learned, through a formed blur that is compared.
-pub fn learns_exposure(model: &Taylormode, config: &Config) -> bool {
-    let blur = &config.method.blur;
-    let is_compared = match blur.mode {
-        BlurMode::None => false,
-        BlurMode::Warp => config.method.prior.blur > 0.0,
-        BlurMode::Integrate => true,
-    };
-    blur.learn_exposure && is_compared && !(model.stated_exposure.is_some() && blur.exposure_from >= 1.0)
-}
-
 impl Taylormode {
-    /// One Adam update of all parameters; each object's paths take their common step in addition to their own.
+    /// One Adam update of all parameters; each body's paths take their common step in addition to their own.
     pub(super) fn updated(
         self,
         gaussians: &Gaussians,
@@ -100,44 +92,83 @@ impl Taylormode {
         at: &Step,
     ) -> Self {
         let rates = Rates::of(&self, at);
-        let of_paths = gradients.get("method.motion.position").cloned();
-        let common = of_paths.filter(|gradient| gradient.dims().iter().all(|size| *size > 0)).map(|gradient| {
-            let positions = take_rows(gaussians.means.val(), &self.motion.row_tensor());
-            let bases = bases(&self.objects, &positions, at.config.method.cues.turn);
-            for (index, basis) in bases.iter().enumerate() {
-                // The sum is not part of the graph: its gradient is that of the paths.
-                let of_sum = CommonMotion::gradient(basis, gradient.clone());
-                gradients.insert(format!("method.objects.{index}.sum"), of_sum);
-            }
-            let before: Vec<Tensor<2>> = self.objects.iter().map(|object| object.sum.val()).collect();
-            bases.into_iter().zip(before).collect::<Vec<_>>()
-        });
-        // Without a path the sums have no gradient, and their moments are kept.
-        let rests = |path: &str| common.is_none() && path.starts_with("method.objects.");
-        let rate = |path: &str| (!rests(path)).then(|| rates.at(path));
+        let order = self.motion.order();
+        let (common, of_paths) = self.common_gradients(gaussians, gradients);
+        // What is computed and not learned.
+        let is_fixed = |path: &str| path.starts_with("method.score.") || path.ends_with(".turn");
+        let rate = |path: &str| (!is_fixed(path)).then(|| rates.at(path));
         let mut model: Self = adam.update_under(ROOT, self, gradients, rate);
-        // Blocks that are not learned yet would shorten the step of the others.
-        let learned = model.motion.learned_blocks();
-        let changes = common.into_iter().flatten().zip(&model.objects);
-        let change =
-            changes.map(|((basis, before), object)| object.change(basis, before, learned.as_ref(), rates.position));
+        let pace = Pace { lr: rates.position, turn: at.config.method.cues.turn, order };
+        let steps = model.motion.bodies.iter_mut().zip(common);
+        let change = steps.map(|(body, (basis, before))| common_motion::step(body, basis, before, pace));
         if let Some(change) = change.reduce(|a, b| a + b) {
-            model.motion.position = model.motion.position.map(|position| position + change);
+            let [rows, columns] = change.dims();
+            let part = |from: usize, to: usize| change.clone().slice([0..rows, from..to]);
+            model.motion.position = model.motion.position.map(|position| position + part(0, 3 * order));
+            if let Some(kinks) = &mut model.motion.kinks {
+                kinks.jumps = kinks.jumps.clone().map(|jumps| jumps + part(3 * order, columns));
+            }
         }
+        model.score = match (model.score, of_paths) {
+            (Some(score), Some(of_paths)) if at.progress() >= SELECT_FROM => Some(score.with(of_paths)),
+            (score, _) => score,
+        };
         if let Some(share) = opening(at) {
-            model.motion.open((share * model.motion.order() as f64).ceil() as usize);
+            model.motion.open((share * order as f64).ceil() as usize);
         }
-        model.held_to_orders(adam)
+        if at.step == (FOLLOW_UNTIL * at.config.steps as f64) as usize {
+            model.motion.release();
+        }
+        model.held_to_orders(gaussians, adam)
     }
 
-    /// Keeps the blocks above each Gaussian's order at zero: Adam's first moment would push them on.
-    pub(super) fn held_to_orders(mut self, adam: &mut Adam) -> Self {
+    /// Adds the gradients of the bodies' blocks, which are not part of the graph, to those of their rows' paths; the
+    /// answer is each body's basis and its blocks before the step, and the gradients of paths and jumps.
+    #[allow(clippy::type_complexity)]
+    fn common_gradients(
+        &self,
+        gaussians: &Gaussians,
+        gradients: &mut NamedGradients,
+    ) -> (Vec<(Tensor<2>, Tensor<2>)>, Option<Tensor<2>>) {
+        let of_paths = gradients.get("method.motion.position").cloned();
+        let Some(of_paths) = of_paths.filter(|gradient| gradient.dims().iter().all(|size| *size > 0)) else {
+            return (Vec::new(), None);
+        };
+        let joined = match gradients.get("method.motion.kinks.jumps") {
+            Some(of_jumps) => Tensor::cat(vec![of_paths, of_jumps.clone()], 1),
+            None => of_paths,
+        };
+        let positions = take_rows(gaussians.means.val(), &self.motion.row_tensor());
+        let bases = self.motion.bases(&positions);
+        for (index, basis) in bases.iter().enumerate() {
+            let of_body = common_motion::gradient(basis, joined.clone());
+            gradients.insert(format!("method.motion.bodies.{index}.blocks"), of_body);
+        }
+        let before = self.motion.bodies.iter().map(|body| body.blocks.val());
+        (bases.into_iter().zip(before.collect::<Vec<_>>()).collect(), Some(joined))
+    }
+
+    /// Once every photo was seen since the last test, gives rows the blocks that they have earned beside their bodies.
+    pub(super) fn tested(mut self, gaussians: &Gaussians, adam: &mut Adam, photos: usize, at: &Step) -> Self {
+        let every = at.config.method.motion.select_every;
+        if due(at.step, every) && self.score.is_some() {
+            self.motion.turn_bodies();
+        }
+        let Some(score) = self.score.as_ref().filter(|score| score.photos >= photos.max(every)) else { return self };
+        let earned = score.earn(&mut self.motion, &gaussians.read(Group::Means));
+        tracing::debug!(step = at.step, earned, followers = self.motion.followers(), "motion beside that of bodies");
+        self.score = Some(Score::new(&self.motion, &gaussians.device()));
+        self.held_to_orders(gaussians, adam)
+    }
+
+    /// Keeps the blocks above each Gaussian's order at those of its body: Adam's first moment would push them on.
+    pub(super) fn held_to_orders(mut self, gaussians: &Gaussians, adam: &mut Adam) -> Self {
         for (name, mask) in self.motion.order_masks() {
             if let (Some(mask), Some(moments)) = (mask, adam.moments.get_mut(&format!("method.motion.{name}"))) {
                 moments.first = moments.first.clone() * mask;
             }
         }
-        self.motion = self.motion.hold_orders();
+        self.motion = self.motion.hold_orders(&gaussians.means.val());
         self
     }
 
@@ -145,6 +176,7 @@ impl Taylormode {
     pub(super) fn followed(mut self, rows: &RowMap, adam: &mut Adam) -> Self {
         let (motion, own) = self.motion.follow(rows);
         self.motion = motion;
+        self.score = self.score.map(|score| score.follow(&own));
         follow_moments(adam, &own);
         self
     }

@@ -12,19 +12,19 @@ const SOURCE_LINES: [(&str, usize); 14] = [
     ("datasets/base", 1_150),
     ("datasets/driving", 6_400),
     ("datasets/multiview", 4_500),
-    ("datasets/splats", 3_150),
+    ("datasets/splats", 3_430),
     ("datasets/worlds", 4_700),
     ("gs-burn", 6_600),
     ("gs-kernels", 14_150),
-    ("models", 10_350),
+    ("models", 10_760),
     ("tests/lab", 6_050),
     ("train", 9_500),
-    ("train/pipelines", 12_010),
+    ("train/pipelines", 12_460),
     ("train/program", 8_900),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 37_250;
+const TEST_LINES: usize = 37_600;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [

@@ -4,7 +4,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::Gaussians;
 use gs_models::DynamicScene;
 use gs_models::basis::{self, Form, MotionBasis};
-use gs_splats::{Keys, Law, Motion, Series, SeriesLaw, Shape, Splats, TimeFunction};
+use gs_splats::{Carried, Carrier, Keys, Law, Motion, Series, SeriesLaw, Shape, Splats, TimeFunction};
 
 use super::host::{gaussians_of, splats_of};
 
@@ -56,7 +56,23 @@ fn series_of(basis: &MotionBasis) -> SeriesLaw {
         half: basis.half,
         position: series(&basis.functions, &basis.position),
         rotation: series(&basis.turns, &basis.rotation),
+        carried: basis.carried.as_ref().map(carried_of),
     }
+}
+
+fn carried_of(carried: &basis::Carried) -> Carried {
+    let of_body = |body: &basis::Carrier| {
+        let rows = vectors_of(&body.position);
+        let width = rows.len() / 4;
+        Carrier {
+            centre: body.centre,
+            scale: body.scale,
+            position: (0..width).map(|j| [0, 1, 2, 3].map(|row| rows[row * width + j])).collect(),
+            rotation: if body.rotation.dims()[1] == 0 { Vec::new() } else { vectors_of(&body.rotation) },
+        }
+    };
+    let bodies = carried.bodies.iter().map(of_body).collect();
+    Carried { body_of: carried.body_of.clone(), own: carried.own.clone(), bodies }
 }
 
 /// A function of time as files name it.

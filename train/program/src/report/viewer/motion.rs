@@ -88,7 +88,7 @@ impl Motion {
     }
 
     fn of_basis(basis: MotionBasis, [first, last]: [f64; 2]) -> Self {
-        let MotionBasis { base, rows, t0, half, functions, position, turns, rotation } = basis;
+        let MotionBasis { base, rows, t0, half, functions, position, turns, rotation, .. } = basis;
         // At one moment every function is a number: any stretch of time about it will do.
         let [first, last] = if last > first { [first, last] } else { [first - half, last + half] };
         // A rotation goes into the block of the position with the same function.

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use gs_models::taylormode::Body;
 use gs_pipelines::fit::read_model;
 use gs_pipelines::load_scene;
 use gs_pipelines::taylormode::Taylormode;
-use gs_pipelines::taylormode::common_motion::CommonMotion;
 use gs_train::fit::parameters::to_host;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::Job;
@@ -76,7 +76,7 @@ fn a_bounce_resumes_to_the_same_bits() {
     resumes_on(&world, folder, &["blur.exposure_from=0.6"]);
     let state = learned(&folder.join("whole"));
     let motion = &state.motion;
-    assert!(!motion.contacts().is_empty() && state.objects.len() == 1 && state.stated_exposure.is_some());
+    assert!(!motion.contacts().is_empty() && motion.bodies.len() == 1 && state.stated_exposure.is_some());
     let jumps = to_host(motion.kinks.as_ref().expect("kinks").jumps.val());
     assert_eq!(jumps.len(), 3 * motion.contacts().len() * motion.rows.len());
     assert!(jumps.iter().any(|jump| *jump != 0.0), "nothing jumps");
@@ -85,16 +85,16 @@ fn a_bounce_resumes_to_the_same_bits() {
     assert!(times[0] == 0.0 && times[2] == 1.0, "the recording is from 0 to 1, not {times:?}");
 }
 
-/// Two objects that move apart have a path and a common motion each.
+/// Two bodies that move apart have a path and a common motion each.
 #[test]
 fn a_pair_resumes_to_the_same_bits() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     let world = written(folder, DeblurOptions { world: World::Pair, ..DeblurOptions::default() });
     resumes_on(&world, folder, &[]);
-    let objects = learned(&folder.join("whole")).objects;
-    assert_eq!(objects.len(), 2);
-    let moved = |object: &CommonMotion| to_host(object.sum.val());
-    assert!(objects.iter().all(|object| moved(object).iter().any(|x| *x != 0.0)), "an object never moved as one");
-    assert_ne!(moved(&objects[0]), moved(&objects[1]));
+    let bodies = learned(&folder.join("whole")).motion.bodies;
+    assert_eq!(bodies.len(), 2);
+    let moved = |body: &Body| to_host(body.blocks.val());
+    assert!(bodies.iter().all(|body| moved(body).iter().any(|x| *x != 0.0)), "a body never moved as one");
+    assert_ne!(moved(&bodies[0]), moved(&bodies[1]));
 }
