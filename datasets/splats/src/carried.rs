@@ -27,6 +27,9 @@ pub struct Carrier {
     pub rotation: Vec<[f32; 3]>,
 }
 
+/// Vectors of position and of rotation.
+pub(crate) type Vectors<'a> = (Vec<[f32; 3]>, &'a [[f32; 3]]);
+
 impl Carried {
     /// The body of a row that has none.
     pub const NO_BODY: u8 = u8::MAX;
@@ -49,7 +52,7 @@ impl Carried {
     }
 
     /// The vectors of a row's body at its mean, of position and rotation; `None` where it has no body.
-    pub(crate) fn of(&self, row: usize, mean: [f32; 3]) -> Option<(Vec<[f32; 3]>, &[[f32; 3]])> {
+    pub(crate) fn of(&self, row: usize, mean: [f32; 3]) -> Option<Vectors<'_>> {
         let body = self.bodies.get(usize::from(self.body_of[row]))?;
         Some((body.position.iter().map(|block| body.at(block, mean)).collect(), &body.rotation))
     }

@@ -69,7 +69,7 @@ impl Exposure {
     /// `tau` of one of the exposures, `[1]`.
     pub fn tau(&self, exposure: usize) -> Tensor<1> {
         let all = self.log_tau.val();
-        let one = if all.dims() == [1] { all } else { all.slice([exposure..exposure + 1]) };
+        let one = if all.dims() == [1] { all } else { all.narrow(0, exposure, 1) };
         one.exp()
     }
 

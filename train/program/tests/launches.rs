@@ -16,13 +16,14 @@ const MOST: usize = 80;
 
 /// The exact exposure: motion, rows, copies and their backward as tensors of all instants, whatever their number. It
 /// had 865 when each instant had its own, and 246 when the lists of tiles were made on the host, for which the GPU
-/// waited; the kernels that make them are 45 launches, and six find the Gaussians that strayed from their object.
-const MOST_INTEGRATED: usize = 297;
+/// waited; the kernels that make them are 45 launches, six find the Gaussians that strayed from their body, and five
+/// move the body itself.
+const MOST_INTEGRATED: usize = 302;
 
 /// The paper's warp: depth, velocity, path and weights at the moving pixels, and the derivatives of the whole formed
 /// image, which Eq. 14 compares where no pseudo-sharp photo is given. It had 459 when that image was only shown, and
-/// six less while strays turned with their object.
-const MOST_WARPED: usize = 466;
+/// eleven less while strays turned with their body, which had no path.
+const MOST_WARPED: usize = 471;
 
 /// A product of small matrices and a sum in the warp's networks, whose launches have one and two cubes.
 const SERIAL_WARPED: usize = 2;

@@ -13,6 +13,7 @@ use gs_burn::ops::products::transposed_product;
 use gs_burn::ops::sum::largest;
 use gs_models::taylormode::Body;
 use gs_models::taylormode::window::amplitude;
+use gs_train::fit::parameters::from_host;
 
 /// Rate of the shift of the whole body, as a factor of the learning rate.
 const SHIFT: f64 = 0.5;
@@ -52,15 +53,14 @@ pub struct Pace {
 pub fn step(body: &mut Body, basis: Tensor<2>, before: Tensor<2>, pace: Pace) -> Tensor<2> {
     let device = before.device();
     let Pace { lr, turn, order } = pace;
-    // Adam's steps do not depend on the scale of gradients: factors of the basis become factors of the step.
-    let factors = Tensor::<1>::from_floats([SHIFT, turn, turn, turn].map(|x| x as f32), &device).unsqueeze_dim(1);
-    let columns = before.dims()[1];
-    let learned = usize::from(body.frame.order);
-    // Blocks that are not learned yet would shorten the step of the others.
-    let opened: Vec<f32> = (0..columns / 3).flat_map(|k| [f32::from(u8::from(k < learned || k >= order)); 3]).collect();
-    let opened = Tensor::<1>::from_floats(opened.as_slice(), &device).unsqueeze();
-    let step = (body.blocks.val() - before.clone()) * factors * opened;
-    let change = exact_matmul(basis.clone(), step.clone());
+    let (columns, learned) = (before.dims()[1], usize::from(body.frame.order));
+    // Adam's steps do not depend on the scale of gradients: factors of the basis become factors of the step. Blocks that
+    // are not learned yet would shorten the step of the others.
+    let is_open = |column: &usize| column / 3 < learned || column / 3 >= order;
+    let row = |factor: f64| (0..columns).map(move |column| if is_open(&column) { factor as f32 } else { 0.0 });
+    let factors = from_host([SHIFT, turn, turn, turn].into_iter().flat_map(row).collect(), columns, &device);
+    let step = (body.blocks.val() - before.clone()) * factors;
+    let change = exact_matmul(basis, step.clone());
     let count = change.dims()[0];
     let lengths: Tensor<2> =
         change.clone().reshape([count, columns / 3, 3]).powi_scalar(2).sum_dim(2).sqrt().squeeze_dim(2);
@@ -81,7 +81,7 @@ mod tests {
     use gs_burn::ops::adam::{AdamConfig, adam_step};
     use gs_models::taylormode::bodies::NO_BODY;
     use gs_models::taylormode::{BodyFrame, MotionFrame, TaylorMotion, TimeWindow};
-    use gs_train::fit::parameters::{from_host, to_host};
+    use gs_train::fit::parameters::to_host;
 
     const LR: f64 = 0.1;
     const TURN: f64 = 6.0;

@@ -82,6 +82,14 @@ impl Rates {
     }
 }
 
+/// A body before its step.
+struct BeforeStep {
+    /// Of its rows, `[M, 4]`.
+    basis: Tensor<2>,
+    /// Its blocks, `[4, 3 (K + J)]`.
+    blocks: Tensor<2>,
+}
+
 impl Taylormode {
     /// One Adam update of all parameters; each body's paths take their common step in addition to their own.
     pub(super) fn updated(
@@ -100,14 +108,18 @@ impl Taylormode {
         let mut model: Self = adam.update_under(ROOT, self, gradients, rate);
         let pace = Pace { lr: rates.position, turn: at.config.method.cues.turn, order };
         let steps = model.motion.bodies.iter_mut().zip(common);
-        let change = steps.map(|(body, (basis, before))| common_motion::step(body, basis, before, pace));
+        let change = steps.map(|(body, before)| common_motion::step(body, before.basis, before.blocks, pace));
         if let Some(change) = change.reduce(|a, b| a + b) {
             let [rows, columns] = change.dims();
-            let part = |from: usize, to: usize| change.clone().slice([0..rows, from..to]);
-            model.motion.position = model.motion.position.map(|position| position + part(0, 3 * order));
-            if let Some(kinks) = &mut model.motion.kinks {
-                kinks.jumps = kinks.jumps.clone().map(|jumps| jumps + part(3 * order, columns));
-            }
+            let of_paths = match &mut model.motion.kinks {
+                Some(kinks) => {
+                    let part = |from: usize, to: usize| change.clone().slice([0..rows, from..to]);
+                    kinks.jumps = kinks.jumps.clone().map(|jumps| jumps + part(3 * order, columns));
+                    part(0, 3 * order)
+                }
+                None => change,
+            };
+            model.motion.position = model.motion.position.map(|position| position + of_paths);
         }
         model.score = match (model.score, of_paths) {
             (Some(score), Some(of_paths)) if at.progress() >= SELECT_FROM => Some(score.with(of_paths)),
@@ -124,12 +136,11 @@ impl Taylormode {
 
     /// Adds the gradients of the bodies' blocks, which are not part of the graph, to those of their rows' paths; the
     /// answer is each body's basis and its blocks before the step, and the gradients of paths and jumps.
-    #[allow(clippy::type_complexity)]
     fn common_gradients(
         &self,
         gaussians: &Gaussians,
         gradients: &mut NamedGradients,
-    ) -> (Vec<(Tensor<2>, Tensor<2>)>, Option<Tensor<2>>) {
+    ) -> (Vec<BeforeStep>, Option<Tensor<2>>) {
         let of_paths = gradients.get("method.motion.position").cloned();
         let Some(of_paths) = of_paths.filter(|gradient| gradient.dims().iter().all(|size| *size > 0)) else {
             return (Vec::new(), None);
@@ -145,7 +156,14 @@ impl Taylormode {
             gradients.insert(format!("method.motion.bodies.{index}.blocks"), of_body);
         }
         let before = self.motion.bodies.iter().map(|body| body.blocks.val());
-        (bases.into_iter().zip(before.collect::<Vec<_>>()).collect(), Some(joined))
+        (
+            bases
+                .into_iter()
+                .zip(before.collect::<Vec<_>>())
+                .map(|(basis, blocks)| BeforeStep { basis, blocks })
+                .collect(),
+            Some(joined),
+        )
     }
 
     /// Once every photo was seen since the last test, gives rows the blocks that they have earned beside their bodies.
