@@ -54,8 +54,8 @@ pub fn step(body: &mut Body, basis: Tensor<2>, before: Tensor<2>, pace: Pace) ->
     let device = before.device();
     let Pace { lr, turn, order } = pace;
     let (columns, learned) = (before.dims()[1], usize::from(body.frame.order));
-    // Adam's steps do not depend on the scale of gradients: factors of the basis become factors of the step. Blocks that
-    // are not learned yet would shorten the step of the others.
+    // Adam's steps do not depend on the scale of gradients: factors of the basis become factors of the step. Blocks
+    // that are not learned yet would shorten the step of the others.
     let is_open = |column: &usize| column / 3 < learned || column / 3 >= order;
     let row = |factor: f64| (0..columns).map(move |column| if is_open(&column) { factor as f32 } else { 0.0 });
     let factors = from_host([SHIFT, turn, turn, turn].into_iter().flat_map(row).collect(), columns, &device);
