@@ -26,7 +26,7 @@ pub struct MotionBasis {
     pub turns: Vec<TimeFunction>,
     /// The vectors `r_k`, `[M, 3 K]`, radians, world axes.
     pub rotation: Tensor<2>,
-    /// What the vectors of rows have in common; `None`: nothing. The vectors are whole all the same.
+    /// Bodies whose vectors rows share; `None`: there are none. The vectors are whole all the same.
     pub carried: Option<Carried>,
 }
 

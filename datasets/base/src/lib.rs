@@ -11,7 +11,7 @@
 //! | [`Intrinsics`] | a pinhole camera's focal lengths and principal point |
 //! | [`local`] | positions far from the origin of their world |
 //! | [`statistics`] | mean, median, range |
-//! | [`eigen`], [`dense`], [`mod@least_squares`] | small dense systems in f64 |
+//! | [`eigen`], [`dense`], [`mod@least_squares`], [`polar`] | small dense systems in f64 |
 
 pub mod atomic;
 pub mod dense;
@@ -23,6 +23,7 @@ pub mod least_squares;
 pub mod local;
 pub mod npy;
 pub mod ply;
+pub mod polar;
 pub mod sentence;
 pub mod statistics;
 

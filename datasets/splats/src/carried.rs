@@ -57,7 +57,7 @@ impl Carried {
         Some((body.position.iter().map(|block| body.at(block, mean)).collect(), &body.rotation))
     }
 
-    /// Those of the rows `kept`, in this order.
+    /// The lists of the rows `kept`, in this order, with all bodies.
     pub(crate) fn select(&self, kept: &[usize]) -> Self {
         Self {
             body_of: kept.iter().map(|row| self.body_of[*row]).collect(),

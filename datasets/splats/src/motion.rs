@@ -39,7 +39,7 @@ pub struct SeriesLaw {
     pub position: Series,
     /// Rotation vectors `r`, radians, world axes: `q(t) = exp(r(s) / 2) exp(-r(s_middle) / 2) q`.
     pub rotation: Series,
-    /// What the vectors of rows have in common, for files; `None`: nothing. The vectors are whole all the same.
+    /// Bodies whose vectors rows share, for files; `None`: there are none. The vectors are whole all the same.
     pub carried: Option<Carried>,
 }
 

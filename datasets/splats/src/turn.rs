@@ -62,6 +62,14 @@ pub fn turn_motion(motion: &Motion, rotation: DMat3) -> Motion {
     turned
 }
 
+/// Moves a motion by `shift`, as the means that it is beside: key frames and the places of bodies.
+pub fn shift_motion(motion: &mut Motion, shift: DVec3) {
+    if let Law::Keys(keys) = &mut motion.law {
+        keys.means.iter_mut().for_each(|mean| *mean = moved(*mean, shift));
+    }
+    carry(motion, DMat3::IDENTITY, shift, DMat3::IDENTITY);
+}
+
 /// Moves what rows have in common along; see [`Carried::moved`](crate::Carried).
 pub(crate) fn carry(motion: &mut Motion, linear: DMat3, shift: DVec3, turn: DMat3) {
     if let Law::Series(SeriesLaw { carried: Some(carried), .. }) = &mut motion.law {
@@ -104,7 +112,7 @@ pub(crate) fn turn_vector(rotation: DMat3, v: [f32; 3]) -> [f32; 3] {
 }
 
 /// A position moved by a vector.
-pub(crate) fn moved(position: [f32; 3], by: DVec3) -> [f32; 3] {
+pub fn moved(position: [f32; 3], by: DVec3) -> [f32; 3] {
     (DVec3::from_array(position.map(f64::from)) + by).to_array().map(|x| x as f32)
 }
 

@@ -11,6 +11,8 @@
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData};
+use gs_base::dense::solve_columns;
+use gs_base::polar::orthogonal;
 use gs_burn::exact_matmul;
 use gs_burn::glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -119,9 +121,6 @@ impl Body {
 /// Times on each side of `t0` at which a turn is evaluated, for each of its orders.
 const TURN_SAMPLES: usize = 8;
 
-/// Iterations of a polar decomposition; it converges quadratically from a matrix near a rotation.
-const POLAR_STEPS: usize = 12;
-
 /// The turn of a body in `order` blocks of the rotation vector, `[3 * order]`: the least squares fit over the window to
 /// the rotation nearest to its linear part. `linear[k]` is `W_k` without its first column, over the scale: by column,
 /// the change of position per scene unit along x, y and z.
@@ -150,19 +149,13 @@ pub fn turn_of(linear: &[[DVec3; 3]], order: usize) -> Vec<f64> {
             }
         }
     }
-    gs_base::dense::solve_columns::<3>(normal).into_iter().flatten().collect()
+    solve_columns::<3>(normal).into_iter().flatten().collect()
 }
 
-/// The rotation of the polar decomposition of a matrix, by Newton's iteration; `None` where it mirrors or is singular.
+/// The rotation of the polar decomposition of a matrix; `None` where it mirrors or is singular.
 fn nearest_rotation(matrix: DMat3) -> Option<DQuat> {
-    let mut rotation = matrix;
-    for _ in 0..POLAR_STEPS {
-        if rotation.determinant() <= 0.0 {
-            return None;
-        }
-        rotation = (rotation + rotation.inverse().transpose()) * 0.5;
-    }
-    rotation.is_finite().then(|| DQuat::from_mat3(&rotation))
+    let rotation = orthogonal(matrix).filter(|rotation| rotation.determinant() > 0.0);
+    rotation.map(|rotation| DQuat::from_mat3(&rotation))
 }
 
 /// The rotation vector that is nearest to `before` among those of one rotation: turns beyond half a circle go on.

@@ -5,11 +5,12 @@
 //! extension wants.
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
+use gs_base::polar::orthogonal;
 
 use super::primitive::SIZE_LEAST;
 use crate::sh_rotation::BandTurn;
 use crate::splats::unit;
-use crate::turn::{carry, moved, quaternion, turn_quaternion, turn_vector, turned_law};
+use crate::turn::{carry, quaternion, shift_motion, turn_quaternion, turn_vector, turned_law};
 use crate::{Law, Motion, Splats};
 
 /// A map is a rotation and one scale up to this difference of an entry: quaternions and matrices are written with seven
@@ -98,14 +99,13 @@ impl Place {
             Law::Series(law) => {
                 let own = (sign / self.scale) as f32;
                 law.rotation.vectors.iter_mut().flatten().for_each(|x| *x *= own);
-                let turn = self.linear * f64::from(own);
-                carry(&mut motion, self.linear, shift, turn);
+                carry(&mut motion, self.linear, DVec3::ZERO, self.linear * f64::from(own));
             }
             Law::Keys(keys) => {
-                keys.means.iter_mut().for_each(|mean| *mean = moved(*mean, shift));
                 keys.log_scales.iter_mut().flatten().for_each(|s| *s += self.scale.ln() as f32);
             }
         }
+        shift_motion(&mut motion, shift);
         Ok(motion)
     }
 
@@ -114,21 +114,6 @@ impl Place {
     fn quaternion(&self) -> DQuat {
         quaternion(self.turn * self.turn.determinant().signum())
     }
-}
-
-/// The orthogonal factor of the polar decomposition, by Newton's iteration; `None` where the map is flat.
-fn orthogonal(mut map: DMat3) -> Option<DMat3> {
-    // Each round halves the distance of a size from 1: 60 reach any map that double precision can invert.
-    for _ in 0..60 {
-        let next = (map + map.inverse().transpose()) * 0.5;
-        let change = (next - map).to_cols_array().iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        map = next;
-        if change < 1e-14 {
-            break;
-        }
-    }
-    let apart = map.transpose() * map - DMat3::IDENTITY;
-    apart.to_cols_array().iter().all(|x| x.abs() < 1e-9).then_some(map)
 }
 
 /// Orthonormal axes of positive determinant and the sizes along them, of `shape shape^T`: Jacobi's method on the

@@ -94,6 +94,13 @@ fn bodies_are_stored_once() {
     let turned = (crate::turn::turn(&splats, turn), crate::turn::turn_motion(&motion, turn));
     let read = decode(&encode(&turned.0, Some(&turned.1), false).expect("encoded")).expect("decoded");
     same_places(&turned.1.at(&turned.0, 0.9), &read.motion.expect("moves").at(&read.splats, 0.9));
+    // Moved, as where the offset of a far world is added.
+    let shift = glam::DVec3::new(3.0, -2.0, 5.0);
+    let (mut shifted, mut along) = (splats.clone(), motion.clone());
+    shifted.means.iter_mut().for_each(|mean| *mean = crate::turn::moved(*mean, shift));
+    crate::turn::shift_motion(&mut along, shift);
+    let read = decode(&encode(&shifted, Some(&along), false).expect("encoded")).expect("decoded");
+    same_places(&along.at(&shifted, 0.9), &read.motion.expect("moves").at(&read.splats, 0.9));
     // Away from t0 nothing is carried.
     let late = Motion { middle: 0.6, ..motion.clone() };
     let read = decode(&encode(&splats, Some(&late), false).expect("encoded")).expect("decoded");

@@ -12,7 +12,7 @@ use glam::{DMat3, DVec3};
 use gs_base::local::is_far;
 use gs_base::{agree, counted};
 use gs_splats::ply::{self, SplatRenderMode};
-use gs_splats::{Law, Motion, Splats, glb, spz, turn, usda};
+use gs_splats::{Motion, Splats, glb, spz, turn, usda};
 
 pub use foreign::refuse_foreign;
 pub use motion::{MotionScene, motion_of, time_function};
@@ -73,11 +73,8 @@ impl Packed {
     fn relative_to(mut self, offset: [f64; 3]) -> Self {
         let shift = DVec3::from_array(self.splats.offset) - DVec3::from_array(offset);
         if shift != DVec3::ZERO {
-            let moved = |mean: [f32; 3]| (DVec3::from_array(mean.map(f64::from)) + shift).to_array().map(|x| x as f32);
-            self.splats.means.iter_mut().for_each(|mean| *mean = moved(*mean));
-            if let Some(Motion { law: Law::Keys(keys), .. }) = &mut self.motion {
-                keys.means.iter_mut().for_each(|mean| *mean = moved(*mean));
-            }
+            self.splats.means.iter_mut().for_each(|mean| *mean = turn::moved(*mean, shift));
+            self.motion.iter_mut().for_each(|motion| turn::shift_motion(motion, shift));
         }
         self.splats.offset = offset;
         self
