@@ -6,17 +6,15 @@
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Int, Tensor, TensorData};
+use gs_burn::RowMap;
 use gs_burn::ops::rows::take_rows;
-use gs_burn::{Gaussians, RowMap};
 use serde::{Deserialize, Serialize};
 
 use super::bodies::{Body, BodyFrame, NO_BODY};
 use super::kinks::{Contact, Kinks};
-use super::paths::{Paths, taylor_coefficients};
+use super::paths::Paths;
 use super::remainder::{RemainderFrame, RemainderNetwork};
-use super::window::{TimeWindow, described_powers};
-use crate::DynamicScene;
-use crate::basis::{Carried, Carrier, MotionBasis};
+use super::window::TimeWindow;
 
 /// All of a [`TaylorMotion`] that is not learned: its configuration, and beside its tensors all that a checkpoint
 /// needs. As JSON to the bit.
@@ -280,52 +278,9 @@ impl TaylorMotion {
         let blocks: usize = self.orders.iter().chain(&self.rotation_orders).map(|order| usize::from(*order)).sum();
         let contacts = self.contacts().len();
         let jumps = contacts * self.own_jumps.iter().filter(|own| **own).count();
-        let has_rows = |index: usize| self.body_of.iter().any(|body| usize::from(*body) == index);
-        let bodies = self.bodies.iter().enumerate().filter(|(index, _)| has_rows(*index));
+        let bodies = self.bodies.iter().enumerate().filter(|(index, _)| !self.rows_of(*index).is_empty());
         let of_body = |body: &Body| 4 + 12 * (usize::from(body.frame.order) + contacts) + 3 * self.rotation_order();
         3 * (blocks + jumps) + 2 * contacts + bodies.map(|(_, body)| of_body(body)).sum::<usize>()
-    }
-
-    /// What rows have in common, by powers; `remainder` functions stand between these and those of the contacts.
-    /// `means` `[N, 3]` are the centres at `t0`.
-    fn carried(&self, means: &Tensor<2>, remainder: usize) -> Carried {
-        let (columns, contacts) = (3 * self.order(), self.contacts().len());
-        let positions: Vec<f32> = take_rows(means.clone(), &self.row_tensor()).to_data().iter::<f32>().collect();
-        // A row that has strayed follows its body's shift alone, and has all vectors of its own here.
-        let carries = |row: usize| {
-            let body = self.bodies.get(usize::from(self.body_of[row]));
-            body.is_some_and(|body| body.frame.carries(&positions[3 * row..][..3]))
-        };
-        let of_body = |body: &Body| {
-            let blocks = body.blocks.val().inner();
-            let part = |from: usize, to: usize| blocks.clone().slice([0..4, from..to]);
-            let none = Tensor::zeros([4, 3 * remainder], (&blocks.device(), blocks.dtype()));
-            let parts = [taylor_coefficients(&part(0, columns)), none, part(columns, columns + 3 * contacts)];
-            let parts = parts.into_iter().filter(|part| part.dims()[1] > 0);
-            Carrier {
-                centre: body.frame.centre,
-                scale: body.frame.scale,
-                position: Tensor::cat(parts.collect(), 1),
-                rotation: taylor_coefficients(&body.turn.val().inner()),
-            }
-        };
-        let own = |row: usize| {
-            let strayed = self.body_of[row] != NO_BODY && !carries(row);
-            if strayed {
-                return [self.order() + remainder + contacts, self.rotation_order()].map(|count| count as u16);
-            }
-            let order = match (contacts > 0 && self.own_jumps[row], remainder > 0) {
-                (true, _) => self.order() + remainder + contacts,
-                (false, true) => self.order() + remainder,
-                (false, false) => usize::from(self.orders[row]),
-            };
-            [order as u16, u16::from(self.rotation_orders[row])]
-        };
-        Carried {
-            body_of: (0..self.len()).map(|row| if carries(row) { self.body_of[row] } else { NO_BODY }).collect(),
-            own: (0..self.len()).map(own).collect(),
-            bodies: self.bodies.iter().map(of_body).collect(),
-        }
     }
 
     /// Rows that have nothing of their own and move as their body does.
@@ -368,12 +323,13 @@ impl TaylorMotion {
     /// For each body, the [basis](BodyFrame::basis) of its rows at `positions` `[M, 3]`, zero at rows of others,
     /// `[M, 4]`.
     pub fn bases(&self, positions: &Tensor<2>) -> Vec<Tensor<2>> {
-        let members = self.members(positions);
-        let basis = |(body, member): (&Body, Option<Tensor<2>>)| match member {
-            Some(member) => body.frame.basis(positions) * member,
-            None => body.frame.basis(positions),
-        };
-        self.bodies.iter().zip(members).map(basis).collect()
+        let basis = |(body, member): (&Body, _)| of_members(body.frame.basis(positions), member);
+        self.bodies.iter().zip(self.members(positions)).map(basis).collect()
+    }
+
+    /// The rows of a body, by their places in [`rows`](Self::rows).
+    pub fn rows_of(&self, body: usize) -> Vec<usize> {
+        (0..self.len()).filter(|row| usize::from(self.body_of[*row]) == body).collect()
     }
 
     /// For each body, 1 at its rows, `[M, 1]`; `None` where all rows are its own.
@@ -394,14 +350,17 @@ impl TaylorMotion {
         if position.is_none() && rotation.is_none() && jumps.is_none() {
             return self;
         }
-        let positions = take_rows(means.clone(), &self.row_tensor());
-        let bases = self.bases(&positions);
-        let carried = self.bodies.iter().zip(bases).map(|(body, basis)| body.carried(basis)).reduce(|a, b| a + b);
-        let turned = self.bodies.iter().zip(self.members(&positions)).map(|(body, member)| match member {
-            Some(member) => member * body.turn.val(),
-            None => body.turn.val(),
+        // Most steps ask for turns alone.
+        let carried = (position.is_some() || jumps.is_some()).then(|| {
+            let bases = self.bases(&take_rows(means.clone(), &self.row_tensor()));
+            self.bodies.iter().zip(bases).map(|(body, basis)| body.carried(basis)).reduce(|a, b| a + b)
         });
-        let turned = turned.reduce(|a, b| a + b).filter(|_| rotation.is_some());
+        let carried = carried.flatten();
+        let turned = rotation.is_some().then(|| {
+            let turn = |(body, member): (&Body, _)| of_members(body.turn.val(), member);
+            self.bodies.iter().zip(self.members(means)).map(turn).reduce(|a, b| a + b)
+        });
+        let turned = turned.flatten();
         let columns = 3 * self.order();
         let part = |from: usize, to: usize| carried.clone().map(|all| all.slice([0..self.len(), from..to]));
         let held = |parameter: Param<Tensor<2>>, mask: Option<Tensor<2>>, body: Option<Tensor<2>>| match (mask, body) {
@@ -419,6 +378,14 @@ impl TaylorMotion {
     }
 }
 
+/// `values` at the rows of a body, and zero at others; `member` as [`TaylorMotion::members`] says.
+fn of_members(values: Tensor<2>, member: Option<Tensor<2>>) -> Tensor<2> {
+    match member {
+        Some(member) => values * member,
+        None => values,
+    }
+}
+
 /// A row for each of `orders`: 1 in the blocks of three up to it and 0 above, with the columns of `parameter`.
 fn block_mask(orders: &[u8], parameter: &Param<Tensor<2>>) -> Tensor<2> {
     let columns = parameter.dims()[1];
@@ -429,74 +396,4 @@ fn block_mask(orders: &[u8], parameter: &Param<Tensor<2>>) -> Tensor<2> {
     let values: Vec<f32> = orders.iter().flat_map(one).collect();
     let options = (&parameter.device(), parameter.dtype());
     Tensor::from_data(TensorData::new(values, [orders.len(), columns]), options)
-}
-
-/// A scene some of whose Gaussians move.
-#[derive(Module, Debug)]
-pub struct TaylorScene {
-    /// All Gaussians, as they are at `t0`.
-    pub gaussians: Gaussians,
-    /// How some of them move.
-    pub motion: TaylorMotion,
-}
-
-impl TaylorScene {
-    /// The paths of the moving Gaussians, for many questions.
-    pub fn paths(&self) -> Paths {
-        self.motion.paths(&self.gaussians.means.val())
-    }
-}
-
-impl DynamicScene for TaylorScene {
-    fn at(&self, t: f64) -> Gaussians {
-        self.paths().moved(&self.gaussians, t)
-    }
-
-    fn velocity(&self, t: f64) -> Tensor<2> {
-        self.paths().velocities(self.gaussians.len(), t)
-    }
-
-    fn span(&self) -> Option<[f64; 2]> {
-        (!self.motion.is_empty()).then_some(self.motion.recording)
-    }
-
-    fn at_times(&self, times: &[f64]) -> Vec<Gaussians> {
-        let paths = self.paths();
-        times.iter().map(|t| paths.moved(&self.gaussians, *t)).collect()
-    }
-
-    fn basis(&self) -> Option<MotionBasis> {
-        if self.motion.is_empty() {
-            return None;
-        }
-        let paths = self.paths();
-        let mut functions = described_powers(paths.order());
-        let beyond = paths.remainder.as_ref().map_or(0, |remainder| remainder.described().len());
-        let mut position = vec![taylor_coefficients(&paths.position.inner())];
-        if let Some(remainder) = paths.remainder {
-            functions.extend(remainder.described());
-            position.push(remainder.weights.inner());
-        }
-        if let Some(kinks) = paths.kinks {
-            functions.extend(kinks.contacts.iter().map(Contact::described));
-            position.push(kinks.jumps.val().inner());
-        }
-        // A tensor without columns cannot be joined.
-        position.retain(|part| part.dims()[1] > 0);
-        let position = match position.len() {
-            0 => Tensor::zeros([self.motion.len(), 0], &self.gaussians.device()),
-            _ => Tensor::cat(position, 1),
-        };
-        Some(MotionBasis {
-            base: self.gaussians.clone(),
-            rows: self.motion.rows.clone(),
-            t0: self.motion.window.t0,
-            half: self.motion.window.half,
-            functions,
-            position,
-            turns: described_powers(self.motion.rotation_order()),
-            rotation: taylor_coefficients(&paths.rotation.inner()),
-            carried: (!self.motion.bodies.is_empty()).then(|| self.motion.carried(&self.gaussians.means.val(), beyond)),
-        })
-    }
 }

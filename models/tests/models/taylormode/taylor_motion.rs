@@ -137,7 +137,7 @@ fn gaussians_can_stop_moving() {
     assert_eq!(none.order(), 3);
 }
 
-/// What one row has at its place: blocks of its own up to its order, then those of its body, or zero.
+/// A row has blocks of its own up to its order, then those of its body, or zero where it has none.
 #[test]
 fn blocks_above_the_order_are_those_of_the_body() {
     for place in everywhere() {

@@ -49,14 +49,14 @@ impl Score {
     /// Gaussians at `t0`. Returns how many did.
     pub fn earn(&self, motion: &mut TaylorMotion, means: &[f32]) -> usize {
         let criterion = 3.0 * (self.photos.max(1) as f64).ln();
+        let gradients = [to_host(self.sum.val()), to_host(self.square.val())];
         let mut earned = 0;
         for index in 0..motion.bodies.len() {
-            let own = |row: &usize| usize::from(motion.body_of[*row]) == index;
-            let rows: Vec<usize> = (0..motion.len()).filter(own).collect();
+            let rows = motion.rows_of(index);
             let frame = motion.bodies[index].frame;
             let bases: Vec<[f64; 4]> =
                 rows.iter().map(|row| frame.basis_at(&means[3 * motion.rows[*row] as usize..][..3])).collect();
-            let statistics = self.statistics(&rows, &bases, criterion);
+            let statistics = self.statistics(&gradients, &rows, &bases, criterion);
             for (row, blocks) in rows.into_iter().zip(statistics) {
                 let asked = |k: &usize| blocks[*k] > criterion;
                 let order = (0..motion.order()).rev().find(asked).map_or(0, |k| k as u8 + 1);
@@ -71,9 +71,15 @@ impl Score {
         earned
     }
 
-    /// For each of the `rows` of a body, whose bases are given, the statistic of each block.
-    fn statistics(&self, rows: &[usize], bases: &[[f64; 4]], criterion: f64) -> Vec<Vec<f64>> {
-        let (sum, square) = (to_host(self.sum.val()), to_host(self.square.val()));
+    /// For each of the `rows` of a body, whose bases are given, the statistic of each block, from the sums of all rows'
+    /// gradients and of their squares.
+    fn statistics(
+        &self,
+        [sum, square]: &[Vec<f32>; 2],
+        rows: &[usize],
+        bases: &[[f64; 4]],
+        criterion: f64,
+    ) -> Vec<Vec<f64>> {
         let (columns, photos) = (self.sum.dims()[1], self.photos.max(1) as f64);
         let mut statistics = vec![vec![0.0; columns / 3]; rows.len()];
         for k in 0..columns / 3 {

@@ -135,9 +135,7 @@ impl<'a> Rows<'a> {
     /// The bodies, each fitted to its rows; `None` where there are too few.
     fn carriers(&self, motion: &TaylorMotion) -> Vec<Option<Carrier>> {
         let fit = |(index, body): (usize, &Body)| {
-            let own = |row: &usize| usize::from(motion.body_of[*row]) == index;
-            let rows: Vec<usize> = (0..motion.len()).filter(own).collect();
-            Carrier::fit(body.frame, &rows, &self.table, motion.rotation_order())
+            Carrier::fit(body.frame, &motion.rows_of(index), &self.table, motion.rotation_order())
         };
         motion.bodies.iter().enumerate().map(fit).collect()
     }
