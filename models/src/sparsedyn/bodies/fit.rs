@@ -1,9 +1,11 @@
 //! The law of a sequence of poses: least squares for one law; among laws BIC and what each foresees of later poses.
 
-use gs_burn::glam::{DMat3, DVec3};
+use gs_burn::glam::{DMat3, DQuat, DVec3};
 
+use super::basis::{EVEN, MOTION, free};
 use super::law::{BodyPose, Law, LawValues, NUMBERS, Term};
 use super::least_squares::{damped, linear};
+use super::motion::Span;
 
 /// A fitted law.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,8 +59,16 @@ pub struct Poses {
 /// Steps of Levenberg and Marquardt's method; laws of one oscillation converge in about 15.
 const ITERATIONS: usize = 40;
 
-/// Rates tried for an oscillation, from a quarter of a period over the poses to one period in four poses.
+/// Least share of a period over the poses of what goes to and fro: less of one is not told from an even acceleration.
+const PERIODS_LEAST: f64 = 0.3;
+
+/// Rates tried for an oscillation, from the least to one period in four poses.
 const RATES: usize = 48;
+
+/// What a law by which few things move must gain by BIC over others: on its scale 10 is very strong evidence, and laws
+/// are compared by two terms of that scale. A block that falls and turns is nearly one that turns about a point off its
+/// middle without falling.
+const RARE: f64 = 20.0;
 
 /// Markers of a body: four points that determine a pose, in sizes of the body from its centre.
 pub const MARKERS: [DVec3; 4] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
@@ -80,12 +90,16 @@ pub fn fit_law(poses: &Poses, law: Law) -> Option<Fitted> {
         false => vec![polynomial_start(poses, &rotations, law)],
     };
     let refined = starts.into_iter().map(|values| refine(poses, law, values));
-    let (values, sum) = refined.filter(|(_, sum)| sum.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let least = PERIODS_LEAST * std::f64::consts::TAU / span_of(poses);
+    let stands = |values: &LawValues| !law.has(Term::Oscillation) || values.oscillation().0.abs() >= least;
+    let usable = refined.filter(|(values, sum)| sum.is_finite() && stands(values));
+    let (values, sum) = usable.min_by(|a, b| a.1.total_cmp(&b.1))?;
     let count = (3 * MARKERS.len() * poses.poses.len()) as f64;
     // Coordinates of one pose are not independent of each other: six numbers determine it.
     let independent = 6.0 * poses.independent.max(1.0);
     let variance = sum / count + poses.noise * poses.noise;
-    let bic = independent * variance.max(f64::MIN_POSITIVE).ln() + law.freedom() as f64 * independent.ln();
+    let rare = if law.is_rare() { RARE } else { 0.0 };
+    let bic = independent * variance.max(f64::MIN_POSITIVE).ln() + law.freedom() as f64 * independent.ln() + rare;
     let deviation = (sum / count * 3.0).sqrt();
     Some(Fitted { law, values, deviation, early: None, foreseen: f64::INFINITY, surprise: 0.0, bic })
 }
@@ -104,6 +118,27 @@ pub fn compare_laws(poses: &Poses, laws: &[Law]) -> Vec<Fitted> {
         Fitted { early: Some(before.values), foreseen: (3.0 * variance).sqrt(), surprise, ..fitted }
     };
     laws.iter().filter_map(|law| fit_law(poses, *law)).map(tested).collect()
+}
+
+/// The free motion that follows `poses` best, whose first is at time `span.times[0]`: for each function of time a
+/// shift, scene units, and a rotation vector.
+pub fn fit_free(poses: &Poses, span: &Span) -> Vec<[f64; MOTION]> {
+    let basis: Vec<Vec<f64>> =
+        poses.poses.iter().map(|(s, _)| free(span.times, span.knots, span.times[0] + s)).collect();
+    let columns: Vec<Vec<f64>> = (0..span.columns()).map(|k| basis.iter().map(|values| values[k]).collect()).collect();
+    let even = linear(&columns[..EVEN], &unwrapped(poses));
+    let turned = |values: &[f64]| DQuat::from_scaled_axis(even.iter().zip(values).map(|(w, x)| *w * *x).sum());
+    let rest: Vec<DVec3> = poses
+        .poses
+        .iter()
+        .zip(&basis)
+        .map(|((_, pose), values)| (pose.rotation * turned(values).inverse()).to_scaled_axis())
+        .collect();
+    let spline = linear(&columns[EVEN..], &rest);
+    let shifts: Vec<DVec3> = poses.poses.iter().map(|(_, pose)| pose.centre - poses.first).collect();
+    let shifts = linear(&columns, &shifts);
+    let six = |(shift, turn): (&DVec3, &DVec3)| [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z];
+    shifts.iter().zip(even.iter().chain(&spline)).map(six).collect()
 }
 
 /// Sum of squared coordinates of the markers' misfits, scene units squared.
@@ -148,8 +183,10 @@ fn polynomial_start(poses: &Poses, rotations: &[DVec3], law: Law) -> LawValues {
     set_polynomial(&mut values, &times, rotations, law, spin);
     let shifts: Vec<DVec3> = poses.poses.iter().map(|(_, pose)| pose.centre - poses.first).collect();
     set_polynomial(&mut values, &times, &shifts, law, [(Term::Velocity, 1), (Term::Acceleration, 2)]);
-    if law.has(Term::Pivot) {
-        values.set(Term::Pivot, pivot_of(poses));
+    match (law.has(Term::Pivot), law.has(Term::Velocity)) {
+        (true, true) => set_flight(&mut values, poses, law),
+        (true, false) => values.set(Term::Pivot, pivot_of(poses)),
+        (false, _) => {}
     }
     values
 }
@@ -161,6 +198,28 @@ fn set_polynomial(values: &mut LawValues, times: &[f64], data: &[DVec3], law: La
         used.iter().map(|(_, power)| times.iter().map(|s| basis(*s, *power)).collect()).collect();
     for (found, (term, _)) in linear(&columns, data).into_iter().zip(used) {
         values.set(term, found);
+    }
+}
+
+/// The even and accelerated motion of a pivot and its offset `d` from the centre: the best in `centre(s) - first = v
+/// s + a s^2 / 2 - (R(s) - 1) d`.
+fn set_flight(values: &mut LawValues, poses: &Poses, law: Law) {
+    let terms = [Term::Velocity, Term::Acceleration, Term::Pivot].into_iter().filter(|term| law.has(*term));
+    let terms: Vec<Term> = terms.collect();
+    let column = |term: Term, axis: usize| -> Vec<f64> {
+        let of = |(s, pose): &(f64, BodyPose)| match term {
+            Term::Velocity => DVec3::AXES[axis] * *s,
+            Term::Acceleration => DVec3::AXES[axis] * (0.5 * s * s),
+            _ => DVec3::AXES[axis] - pose.rotation * DVec3::AXES[axis],
+        };
+        poses.poses.iter().flat_map(|pose| of(pose).to_array()).collect()
+    };
+    let columns: Vec<Vec<f64>> = terms.iter().flat_map(|term| (0..3).map(|axis| column(*term, axis))).collect();
+    let shifts: Vec<f64> = poses.poses.iter().flat_map(|(_, pose)| (pose.centre - poses.first).to_array()).collect();
+    // Along the axis every offset does: this share of a column picks a short one.
+    let Some(found) = damped(&columns, &shifts, 1e-6) else { return };
+    for (term, vector) in terms.into_iter().zip(found.as_chunks::<3>().0) {
+        values.set(term, DVec3::from_array(*vector));
     }
 }
 
@@ -178,11 +237,16 @@ fn pivot_of(poses: &Poses) -> DVec3 {
     (normal + DMat3::from_diagonal(DVec3::splat(ridge))).inverse() * right
 }
 
+/// The time that poses cover.
+fn span_of(poses: &Poses) -> f64 {
+    poses.poses.iter().fold(0.0_f64, |most, (s, _)| most.max(s.abs())).max(f64::MIN_POSITIVE)
+}
+
 /// For several rates the best amplitudes and phase by linear least squares, the three best of them.
 fn oscillation_starts(poses: &Poses, rotations: &[DVec3], law: Law) -> Vec<LawValues> {
     let times: Vec<f64> = poses.poses.iter().map(|(s, _)| *s).collect();
-    let span = times.iter().fold(0.0_f64, |most, s| most.max(s.abs())).max(f64::MIN_POSITIVE);
-    let least = 0.25 * std::f64::consts::TAU / span;
+    let span = span_of(poses);
+    let least = PERIODS_LEAST * std::f64::consts::TAU / span;
     let most = 0.25 * std::f64::consts::TAU * times.len() as f64 / span;
     let plain = polynomial_start(poses, rotations, law);
     let shifts: Vec<DVec3> = poses.poses.iter().map(|(_, pose)| pose.centre - poses.first).collect();

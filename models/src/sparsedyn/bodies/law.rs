@@ -70,7 +70,7 @@ impl Law {
     }
 
     /// The laws among which a body's is chosen, simplest first.
-    pub const ALL: [Self; 14] = {
+    pub const ALL: [Self; 17] = {
         use Term::{
             Acceleration as A, Oscillation as O, Pivot as P, Spin as S, SpinUp as U, Sway as Y, Swing as W,
             Velocity as V,
@@ -90,6 +90,9 @@ impl Law {
             Self::of(&[V, A, S, U]),
             Self::of(&[V, A, W, O]),
             Self::of(&[S, Y, O]),
+            Self::of(&[V, S, P]),
+            Self::of(&[V, A, S, P]),
+            Self::of(&[V, A, S, U, P]),
         ]
     };
 
@@ -104,6 +107,13 @@ impl Law {
 
     /// Smooth motion of any kind to second order: what a body begins with.
     pub const GENERAL: Self = Self::of(&[Term::Velocity, Term::Acceleration, Term::Spin, Term::SpinUp]);
+
+    /// Whether few things move by the law: what flies has no torque, and turns about its middle; what swings hangs.
+    pub fn is_rare(self) -> bool {
+        let flies = self.has(Term::Velocity);
+        (flies && (self.has(Term::SpinUp) || self.has(Term::Pivot) || self.has(Term::Swing)))
+            || (self.has(Term::Sway) && self.has(Term::Spin))
+    }
 
     /// Whether the law has a term.
     pub fn has(self, term: Term) -> bool {
@@ -133,9 +143,9 @@ impl Law {
         numbers - usize::from(self.has(Term::Pivot)) - 2 * usize::from(self.has_one_axis())
     }
 
-    /// Whether rotation and angular acceleration have one axis: they are about a pivot.
+    /// Whether rotation and angular acceleration have one axis: they are about a fixed pivot.
     pub fn has_one_axis(self) -> bool {
-        self.has(Term::Spin) && self.has(Term::SpinUp) && self.has(Term::Pivot)
+        self.has(Term::Spin) && self.has(Term::SpinUp) && self.has(Term::Pivot) && !self.has(Term::Velocity)
     }
 
     /// `values` with rotation and angular acceleration along one axis where the law asks for it. `duration` is the time
@@ -164,6 +174,13 @@ impl Law {
             ("", _, true, _) => "rotates about a pivot, ever faster or slower",
             ("", _, _, true) => "rotates evenly about a pivot",
             ("", ..) => "rests",
+            ("accelerates", _, false, true) if self.has(Term::Pivot) => {
+                "accelerates and rotates evenly about a point off its middle"
+            }
+            ("accelerates", _, true, true) if self.has(Term::Pivot) => {
+                "accelerates, its rotation too, about a point off its middle"
+            }
+            (_, _, _, true) if self.has(Term::Pivot) => "moves and rotates evenly about a point off its middle",
             ("sways", false, false, false) => "sways",
             ("sways", ..) => "sways and rotates",
             ("accelerates", true, _, _) => "accelerates and swings",

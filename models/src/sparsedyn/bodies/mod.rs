@@ -9,19 +9,31 @@
 //! |---|---|
 //! | [`law`] | laws as sets of terms; a pose at a time |
 //! | [`fit`] | the law of a sequence of poses, and the choice among laws |
+//! | [`phases`] | laws that hold from a time on |
+//! | [`bending`] | the law of a body that bends |
+//! | [`rhythm`] | oscillations that the nodes of a body share |
 //! | [`mod@segment`] | bodies among paths |
 //! | [`parts`] | a body divided, and parts joined that move alike |
-//! | [`motion`] | bodies as a Burn module: the laws' numbers, learned from photos |
+//! | [`motion`] | bodies as a Burn module: laws, free motions and nodes, learned from photos |
+//! | [`mod@basis`] | the functions of time of a free motion |
+//! | [`nodes`] | nodes that bend a body, and their weights |
 
+pub mod basis;
+pub mod bending;
 pub mod fit;
 pub mod law;
 mod least_squares;
 pub mod motion;
+pub mod nodes;
 pub mod parts;
+pub mod phases;
+pub mod rhythm;
 pub mod rigid;
 pub mod segment;
+mod transforms;
 
 pub use fit::{Fitted, compare_laws, fit_law, select_law};
 pub use law::{BodyPose, Law, LawValues, Term};
-pub use motion::{Bodies, BodyFrame};
+pub use motion::{Bodies, Body, BodyFrame, Span};
+pub use nodes::NodeFrame;
 pub use segment::{SegmentOptions, segment};

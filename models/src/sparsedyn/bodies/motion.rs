@@ -1,22 +1,25 @@
-//! Bodies as a Burn module: the numbers of their laws, and a smooth correction over the observed time while the law is
-//! not chosen yet.
+//! Bodies as a Burn module: where Gaussians are at a time, by the nodes that bend a body, by its free motion, and by
+//! its law.
+//!
+//! A Gaussian of a body is at `law(t) . free(t) . bend(t)` of where it was in the first frame. `bend` mixes the motions
+//! of the body's nodes; `free` is a smooth motion of any kind until the law's time `since`; the law takes over there.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use gs_burn::glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
+use super::basis::{EVEN, MOTION, free};
 use super::law::{BodyPose, Law, LawValues, NUMBERS, Term};
-use crate::rotation::turn;
+use super::nodes::{NodeFrame, Skin, strain};
+use super::transforms::{Turn, Way, constant};
+use crate::rotation::product;
 use crate::sparsedyn::state::State;
 use crate::sparsedyn::turning::Factors;
 
 /// Squared rotation rate that keeps a vanishing axis finite: far below any visible rotation, above the smallest `f32`
 /// after division.
 const AXIS_FLOOR: f64 = 1e-12;
-
-/// Numbers of a correction at a knot: a shift of the centre and a rotation vector.
-const CORRECTION: usize = 6;
 
 /// A body's constants.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -26,91 +29,152 @@ pub struct BodyFrame {
     pub centre: [f64; 3],
     /// The law.
     pub law: Law,
+    /// The time from which the law holds. Before it the body moves freely.
+    #[serde(with = "crate::bits")]
+    pub since: f64,
+    /// Oscillations of its nodes; 0: they move freely until `since`.
+    pub rhythms: u32,
 }
 
-/// The laws of `K` bodies.
-#[derive(Module, Debug)]
-pub struct Bodies {
-    /// `[K, 23]` numbers of the laws; lengths in units of `length`.
-    pub numbers: Param<Tensor<2>>,
-    /// `[K, 6 P]` corrections that set in at `P` knots over the observed time: shifts in units of `length`, rotation
-    /// vectors in radians. `P` is 0 once laws are chosen.
-    pub corrections: Param<Tensor<2>>,
-    /// Constants of each body.
-    #[module(skip)]
-    pub frames: Vec<BodyFrame>,
+/// The time that bodies were seen in, and the size of their tables.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Span {
     /// First and last observed time.
-    #[module(skip)]
-    pub span: [f64; 2],
+    #[serde(with = "crate::bits")]
+    pub times: [f64; 2],
+    /// Knots of a free motion.
+    pub knots: usize,
     /// The unit of lengths, scene units.
-    #[module(skip)]
+    #[serde(with = "crate::bits")]
     pub length: f64,
 }
 
-/// The bodies at one time: rotation vectors and centres.
-struct Posed {
-    /// `[K, 3]` of the law, radians.
-    law: Tensor<2>,
-    /// `[K, 3]` of the correction, which turns after the law; `None` without knots.
-    correction: Option<Tensor<2>>,
-    /// `[K, 3]`, world, scene units.
-    centres: Tensor<2>,
+impl Span {
+    /// Functions of time of a free motion.
+    pub fn columns(&self) -> usize {
+        EVEN + self.knots
+    }
+}
+
+/// The motions of `B` bodies and `K` nodes.
+#[derive(Module, Debug)]
+pub struct Bodies {
+    /// `[B, 23]` numbers of the laws; lengths in units of `span.length`.
+    pub numbers: Param<Tensor<2>>,
+    /// `[B, 6 (P + 8)]` of the free motions, the last 8 unused: for each function of time a shift in units of
+    /// `span.length` and a rotation vector, radians.
+    pub free: Param<Tensor<2>>,
+    /// `[K, 6 (P + 8)]` of the nodes: the same, in the body before its motion, and the sines and cosines of its
+    /// oscillations. What these leave of the seen time is in the free motion, which rests after it.
+    pub nodes: Param<Tensor<2>>,
+    /// `[B, 4]` rates of these oscillations, radians per unit of time.
+    pub rates: Param<Tensor<2>>,
+    /// Constants of each body.
+    #[module(skip)]
+    pub frames: Vec<BodyFrame>,
+    /// Constants of each node.
+    #[module(skip)]
+    pub node_frames: Vec<NodeFrame>,
+    /// The time that bodies were seen in.
+    #[module(skip)]
+    pub span: Span,
+}
+
+/// Most oscillations of a body.
+pub const RHYTHMS: usize = 4;
+
+/// The numbers of a body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    /// Its constants.
+    pub frame: BodyFrame,
+    /// The numbers of its law, scene units.
+    pub values: LawValues,
+    /// Its free motion by function of time, scene units and radians; empty: none.
+    pub free: Vec<[f64; MOTION]>,
+    /// Rates of its oscillations, radians per unit of time.
+    pub rates: Vec<f64>,
+    /// Its nodes with their motions by function of time.
+    pub nodes: Vec<(NodeFrame, Vec<[f64; MOTION]>)>,
 }
 
 impl Bodies {
-    /// Bodies with the numbers of `values` (scene units), and `knots` knots of correction.
-    pub fn new(
-        frames: Vec<BodyFrame>,
-        values: &[LawValues],
-        span: [f64; 2],
-        (length, knots): (f64, usize),
-        device: &Device,
-    ) -> Self {
-        let scaled = values.iter().flat_map(|values| {
-            let scale = scales(length);
-            values.0.iter().zip(scale).map(|(x, scale)| (x / scale) as f32).collect::<Vec<_>>()
-        });
-        let numbers: Vec<f32> = scaled.collect();
-        let count = frames.len();
-        let numbers = Tensor::from_data(TensorData::new(numbers, [count, NUMBERS]), device);
-        let corrections = Tensor::zeros([count, CORRECTION * knots], device);
-        Self {
-            numbers: Param::from_tensor(numbers),
-            corrections: Param::from_tensor(corrections),
-            frames,
-            span,
-            length,
-        }
-    }
-
-    /// These bodies with others behind them, whose laws have the numbers of `values` (scene units) and no correction
-    /// yet.
-    pub fn extended(self, frames: &[BodyFrame], values: &[LawValues]) -> Self {
-        let device = self.numbers.val().device();
-        let more = Self::new(frames.to_vec(), values, self.span, (self.length, self.knots()), &device);
-        let both = |a: Param<Tensor<2>>, b: Param<Tensor<2>>| {
-            Param::from_tensor(Tensor::cat(vec![a.val(), b.val()], 0).detach())
+    /// The bodies `all`, whose nodes are numbered in their order.
+    pub fn new(all: &[Body], span: Span, device: &Device) -> Self {
+        let columns = MOTION * (span.columns() + 2 * RHYTHMS);
+        let scaled = |values: &LawValues| {
+            values.0.iter().zip(scales(span.length)).map(|(x, scale)| (x / scale) as f32).collect::<Vec<_>>()
+        };
+        let row = |motion: &[[f64; MOTION]]| {
+            let mut row = vec![0.0_f32; columns];
+            for (to, x) in row.iter_mut().zip(motion.as_flattened().iter().enumerate()) {
+                let scale = if x.0 % MOTION < 3 { span.length } else { 1.0 };
+                *to = (x.1 / scale) as f32;
+            }
+            row
+        };
+        let nodes: Vec<_> = all.iter().flat_map(|body| &body.nodes).collect();
+        let rates = all.iter().flat_map(|body| (0..RHYTHMS).map(|k| body.rates.get(k).map_or(0.0, |x| *x as f32)));
+        let table = |values: Vec<f32>, rows: usize, columns: usize| {
+            Param::from_tensor(Tensor::from_data(TensorData::new(values, [rows, columns]), device))
         };
         Self {
-            numbers: both(self.numbers, more.numbers),
-            corrections: both(self.corrections, more.corrections),
-            frames: self.frames.iter().chain(frames).cloned().collect(),
-            ..self
+            numbers: table(all.iter().flat_map(|body| scaled(&body.values)).collect(), all.len(), NUMBERS),
+            free: table(all.iter().flat_map(|body| row(&body.free)).collect(), all.len(), columns),
+            nodes: table(nodes.iter().flat_map(|(_, motion)| row(motion)).collect(), nodes.len(), columns),
+            rates: table(rates.collect(), all.len(), RHYTHMS),
+            frames: all.iter().map(|body| body.frame.clone()).collect(),
+            node_frames: nodes.iter().map(|(frame, _)| frame.clone()).collect(),
+            span,
         }
     }
 
-    /// For each entry of `of` a body that moves as the one that it names.
-    pub fn copied(self, of: &[usize]) -> Self {
-        let device = self.numbers.val().device();
-        let rows: Vec<i64> = of.iter().map(|body| *body as i64).collect();
-        let rows = Tensor::<1, Int>::from_data(TensorData::new(rows, [of.len()]), &device);
-        let picked = |a: Param<Tensor<2>>| Param::from_tensor(a.val().select(0, rows.clone()).detach());
-        Self {
-            numbers: picked(self.numbers),
-            corrections: picked(self.corrections),
-            frames: of.iter().map(|body| self.frames[*body].clone()).collect(),
-            ..self
-        }
+    /// Bodies with these constants and all numbers zero.
+    pub fn at_rest(frames: Vec<BodyFrame>, node_frames: Vec<NodeFrame>, span: Span, device: &Device) -> Self {
+        let of = |(index, frame): (usize, BodyFrame)| Body {
+            frame,
+            values: LawValues::REST,
+            free: Vec::new(),
+            rates: Vec::new(),
+            nodes: node_frames
+                .iter()
+                .filter(|node| node.body == index)
+                .map(|node| (node.clone(), Vec::new()))
+                .collect(),
+        };
+        let all: Vec<Body> = frames.into_iter().enumerate().map(of).collect();
+        Self::new(&all, span, device)
+    }
+
+    /// The numbers of each body; reads them from the device.
+    pub fn all(&self) -> Vec<Body> {
+        let host = |table: &Param<Tensor<2>>| table.val().into_data().iter::<f64>().collect::<Vec<f64>>();
+        let (frees, nodes, rates) = (host(&self.free), host(&self.nodes), host(&self.rates));
+        let width = self.free.dims()[1];
+        let motion = |table: &[f64], row: usize| -> Vec<[f64; MOTION]> {
+            let row = &table[width * row..width * (row + 1)];
+            let scale = |k: usize| if k < 3 { self.span.length } else { 1.0 };
+            row.as_chunks::<MOTION>().0.iter().map(|six| std::array::from_fn(|k| six[k] * scale(k))).collect()
+        };
+        let of_node = |body: usize| {
+            let own = self.node_frames.iter().enumerate().filter(move |(_, node)| node.body == body);
+            own.map(|(index, node)| (node.clone(), motion(&nodes, index))).collect()
+        };
+        let one = |((index, frame), values): ((usize, &BodyFrame), LawValues)| Body {
+            frame: frame.clone(),
+            values,
+            free: motion(&frees, index),
+            rates: rates[RHYTHMS * index..][..frame.rhythms as usize].to_vec(),
+            nodes: of_node(index),
+        };
+        self.frames.iter().enumerate().zip(self.values()).map(one).collect()
+    }
+
+    /// These bodies with other numbers of their laws, scene units.
+    pub fn with_values(&self, values: &[LawValues]) -> Self {
+        let mut all = self.all();
+        all.iter_mut().zip(values).for_each(|(body, values)| body.values = *values);
+        Self { numbers: Self::new(&all, self.span, &self.numbers.val().device()).numbers, ..self.clone() }
     }
 
     /// Number of bodies.
@@ -123,102 +187,130 @@ impl Bodies {
         self.frames.is_empty()
     }
 
-    /// Knots of the corrections.
-    pub fn knots(&self) -> usize {
-        self.corrections.dims()[1] / CORRECTION
-    }
-
     /// The numbers of each body's law, scene units; reads them from the device.
     pub fn values(&self) -> Vec<LawValues> {
         let data = self.numbers.val().into_data();
         let numbers: Vec<f64> = data.iter::<f64>().collect();
-        let scale = scales(self.length);
+        let scale = scales(self.span.length);
         let of = |(row, frame): (&[f64], &BodyFrame)| {
             let mask = frame.law.mask();
             let values = LawValues(std::array::from_fn(|k| row[k] * scale[k] * mask[k]));
-            frame.law.constrained(values, self.span[1] - self.span[0])
+            frame.law.constrained(values, frame.law_span(&self.span))
         };
         numbers.chunks_exact(NUMBERS).zip(&self.frames).map(of).collect()
     }
 
-    /// The pose of each body at `time`, with its correction; reads numbers from the device.
-    pub fn poses(&self, time: f64) -> Vec<BodyPose> {
-        let values = self.values();
-        let data = self.corrections.val().into_data();
-        let corrections: Vec<f64> = data.iter::<f64>().collect();
-        let (knots, basis) = (self.knots(), steps(self.span, self.knots(), time));
-        let one = |(index, values): (usize, &LawValues)| {
-            let first = DVec3::from_array(self.frames[index].centre);
-            let mut pose = values.pose(first, time - self.span[0]);
-            let row = &corrections[CORRECTION * knots * index..CORRECTION * knots * (index + 1)];
-            let sum = |offset: usize| -> DVec3 {
-                let knot = |k: usize| DVec3::from_slice(&row[CORRECTION * k + offset..CORRECTION * k + offset + 3]);
-                (0..knots).map(|k| basis[k] * knot(k)).sum()
-            };
-            if knots > 0 {
-                pose.centre += self.length * sum(0);
-                pose.rotation = DQuat::from_scaled_axis(sum(3)) * pose.rotation;
-            }
-            pose
-        };
-        values.iter().enumerate().map(one).collect()
-    }
-
-    /// The states at `time` of Gaussians at `positions` `[M, 3]` in the first frame, each of the body that `labels`
-    /// `[M]` names; differentiable in positions and numbers.
-    pub fn states(&self, positions: &Tensor<2>, labels: &Tensor<1, Int>, time: f64) -> State {
-        let posed = self.posed(positions, time);
-        let of = |rows: &Tensor<2>| rows.clone().select(0, labels.clone());
-        let firsts = self.constant(positions, 3, |frame| frame.centre.to_vec());
-        let offsets = positions.clone() - of(&firsts);
-        let rotation = of(&posed.law);
-        let mut turned = offsets.clone() + Factors::of(&rotation).turned_by(&rotation, &offsets);
-        let identity = State::at_rest(positions.clone()).turns;
-        let mut turns = identity.clone() + turn(identity, rotation);
-        if let Some(correction) = posed.correction {
-            let correction = of(&correction);
-            turned = turned.clone() + Factors::of(&correction).turned_by(&correction, &turned);
-            turns = turns.clone() + turn(turns, correction);
+    /// The Gaussians at `positions` `[M, 3]` in the first frame, each of the body that `labels` names.
+    pub fn of<'a>(&'a self, positions: &Tensor<2>, labels: &[u32]) -> Followers<'a> {
+        let device = positions.device();
+        let rows: Vec<i64> = labels.iter().map(|label| i64::from(*label)).collect();
+        Followers {
+            bodies: self,
+            positions: positions.clone(),
+            labels: Tensor::from_data(TensorData::new(rows, [labels.len()]), &device),
+            skin: (!self.node_frames.is_empty()).then(|| Skin::of(positions, labels, &self.node_frames)),
         }
-        State { positions: turned + of(&posed.centres), turns }
     }
 
-    fn posed(&self, like: &Tensor<2>, time: f64) -> Posed {
-        let s = time - self.span[0];
+    /// How far neighbouring nodes of one body are from one rigid motion at `time`, `[1]`, where `unit`, scene units, is
+    /// what tracking leaves; `None` without neighbours.
+    pub fn strain(&self, time: f64, unit: f64) -> Option<Tensor<1>> {
+        if self.node_frames.is_empty() {
+            return None;
+        }
+        let like = self.nodes.val();
+        strain(&self.node_way(&like, time), &self.node_frames, unit)
+    }
+
+    /// What the oscillations of the nodes leave to their free motion at `time`: the mean over nodes of bodies that
+    /// oscillate of `sqrt(e^2 / u^2 + 1) - 1` with `u` = `unit`, scene units. `None` without such a body.
+    pub fn unsaid(&self, time: f64, unit: f64) -> Option<Tensor<1>> {
+        let on: Vec<usize> =
+            (0..self.node_frames.len()).filter(|node| self.frames[self.node_frames[*node].body].rhythms > 0).collect();
+        if on.is_empty() {
+            return None;
+        }
+        let like = self.nodes.val();
+        let width = like.dims()[1];
+        let basis = padded(free(self.span.times, self.span.knots, time.min(self.span.times[1])), width / MOTION);
+        let basis: Vec<f64> = basis.iter().flat_map(|x| [*x; MOTION]).collect();
+        let rows: Vec<i64> = on.iter().map(|node| *node as i64).collect();
+        let rows = Tensor::<1, Int>::from_data(TensorData::new(rows, [on.len()]), &like.device());
+        let terms = like.clone().select(0, rows) * constant(&like, basis, [1, width]);
+        let six = terms.reshape([on.len(), width / MOTION, MOTION]).sum_dim(1).reshape([on.len(), MOTION]);
+        let unit_of = |node: &usize| {
+            let turn = self.node_frames[*node].width / unit;
+            let shift = self.span.length / unit;
+            [shift, shift, shift, turn, turn, turn]
+        };
+        let units = constant(&like, on.iter().flat_map(unit_of).collect(), [on.len(), MOTION]);
+        Some((((six * units).square().sum_dim(1) + 1.0).sqrt() - 1.0).mean())
+    }
+
+    /// The motions of the nodes at `time`.
+    fn node_way(&self, like: &Tensor<2>, time: f64) -> Way {
+        let [count, width] = self.nodes.dims();
+        let columns = width / MOTION;
+        let frame = |node: &NodeFrame| &self.frames[node.body];
+        let own = padded(free(self.span.times, self.span.knots, time.min(self.span.times[1])), columns);
+        let basis: Vec<f64> = self.node_frames.iter().flat_map(|_| own.clone()).collect();
+        let mut basis = constant(like, basis, [count, columns]);
+        if self.frames.iter().any(|frame| frame.rhythms > 0) {
+            let rows: Vec<i64> = self.node_frames.iter().map(|node| node.body as i64).collect();
+            let rows = Tensor::<1, Int>::from_data(TensorData::new(rows, [count]), &like.device());
+            let angle = self.rates.val().select(0, rows) * (time - self.span.times[0]);
+            let on: Vec<f64> = self
+                .node_frames
+                .iter()
+                .flat_map(|node| (0..RHYTHMS).map(|k| f64::from(u8::from(k < frame(node).rhythms as usize))))
+                .collect();
+            let on = constant(like, on, [count, RHYTHMS]);
+            let waves = Tensor::cat(vec![angle.clone().sin() * on.clone(), (angle.cos() - 1.0) * on], 1);
+            basis = Tensor::cat(vec![basis.narrow(1, 0, columns - 2 * RHYTHMS), waves], 1);
+        }
+        let centres = self.node_frames.iter().flat_map(|node| node.centre).collect();
+        Way::of(self.nodes.val(), basis, constant(like, centres, [count, 3]), self.span.length)
+    }
+
+    /// The free motions of the bodies at `time`.
+    fn free_way(&self, like: &Tensor<2>, time: f64) -> Way {
+        let [count, width] = self.free.dims();
+        let columns = width / MOTION;
+        let of = |frame: &BodyFrame| padded(free(self.span.times, self.span.knots, time.min(frame.since)), columns);
+        let basis = constant(like, self.frames.iter().flat_map(of).collect(), [count, columns]);
+        Way::of(self.free.val(), basis, self.constant(like, 3, |frame| frame.centre.to_vec()), self.span.length)
+    }
+
+    /// Whether a body moves freely at some time.
+    fn has_free(&self) -> bool {
+        self.frames.iter().any(|frame| frame.since > self.span.times[0])
+    }
+
+    /// The laws at `time`: `[B, 3]` rotation vectors, and `[B, 3]` shifts of the centres, scene units.
+    fn laws(&self, like: &Tensor<2>, time: f64) -> Turn {
+        let s = self.constant(like, 1, |frame| vec![frame.law_time(&self.span, time)]);
         let mask = self.constant(like, NUMBERS, |frame| frame.law.mask().to_vec());
         let numbers = self.numbers.val() * mask;
         let vector = |term: Term| numbers.clone().narrow(1, term.numbers().start, 3);
         let first = Term::Oscillation.numbers().start;
         let (rate, phase) = (numbers.clone().narrow(1, first, 1), numbers.clone().narrow(1, first + 1, 1));
-        let swing = (rate * s + phase.clone()).sin() - phase.sin();
+        let swing = (rate * s.clone() + phase.clone()).sin() - phase.sin();
+        let half = s.clone().square() * 0.5;
         let (spin, up) = self.on_one_axis(vector(Term::Spin), vector(Term::SpinUp));
-        let law = spin * s + up * (0.5 * s * s) + vector(Term::Swing) * swing.clone();
+        let rotation = spin * s.clone() + up * half.clone() + vector(Term::Swing) * swing.clone();
         let pivot = vector(Term::Pivot);
         // `-(R - 1) d`.
-        let about = Factors::of(&law).turned_by(&law, &pivot);
-        let shift =
-            vector(Term::Velocity) * s + vector(Term::Acceleration) * (0.5 * s * s) + vector(Term::Sway) * swing
-                - about;
-        let firsts = self.constant(like, 3, |frame| frame.centre.to_vec());
-        let mut centres = firsts + shift * self.length;
-        let knots = self.knots();
-        let correction = (knots > 0).then(|| {
-            let basis = steps(self.span, knots, time);
-            let basis = Tensor::<3>::from_data(TensorData::new(basis, [1, knots, 1]), (&like.device(), like.dtype()));
-            let rows = self.corrections.val().reshape([self.len(), knots, CORRECTION]);
-            let sum = (rows * basis).sum_dim(1).reshape([self.len(), CORRECTION]);
-            centres = centres.clone() + sum.clone().narrow(1, 0, 3) * self.length;
-            sum.narrow(1, 3, 3)
-        });
-        Posed { law, correction, centres }
+        let about = Factors::of(&rotation).turned_by(&rotation, &pivot);
+        let shift = vector(Term::Velocity) * s + vector(Term::Acceleration) * half + vector(Term::Sway) * swing - about;
+        Turn { rotation, shift: shift * self.span.length }
     }
 
-    /// [`Law::constrained`] for all bodies, differentiable: `[K, 3]` rotations and angular accelerations.
+    /// [`Law::constrained`] for all bodies, differentiable: `[B, 3]` rotations and angular accelerations.
     fn on_one_axis(&self, spin: Tensor<2>, up: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
         if !self.frames.iter().any(|frame| frame.law.has_one_axis()) {
             return (spin, up);
         }
-        let half = 0.5 * (self.span[1] - self.span[0]);
+        let half = self.constant(&spin, 1, |frame| vec![0.5 * frame.law_span(&self.span)]);
         // 1 where both point the same way or one is zero, else -1; it has no gradient.
         let sign = (spin.clone() * up.clone()).sum_dim(1).detach().sign();
         let sign = sign.clone() + (sign.abs() - 1.0).abs();
@@ -236,9 +328,61 @@ impl Bodies {
     }
 
     fn constant(&self, like: &Tensor<2>, columns: usize, of: impl Fn(&BodyFrame) -> Vec<f64>) -> Tensor<2> {
-        let values: Vec<f64> = self.frames.iter().flat_map(of).collect();
-        Tensor::from_data(TensorData::new(values, [self.len(), columns]), (&like.device(), like.dtype()))
+        constant(like, self.frames.iter().flat_map(of).collect(), [self.len(), columns])
     }
+}
+
+/// Gaussians of bodies.
+#[derive(Debug, Clone)]
+pub struct Followers<'a> {
+    bodies: &'a Bodies,
+    positions: Tensor<2>,
+    labels: Tensor<1, Int>,
+    skin: Option<Skin>,
+}
+
+impl Followers<'_> {
+    /// Where they are at `time`; differentiable in positions and numbers.
+    pub fn state(&self, time: f64) -> State {
+        let bodies = self.bodies;
+        let of = |rows: &Tensor<2>| rows.clone().select(0, self.labels.clone());
+        let mut state = State::at_rest(self.positions.clone());
+        if let Some(skin) = &self.skin {
+            state = skin.bent(&bodies.node_way(&self.positions, time), &self.positions);
+        }
+        let firsts = bodies.constant(&self.positions, 3, |frame| frame.centre.to_vec());
+        let mut centres = firsts.clone();
+        if bodies.has_free() {
+            let way = bodies.free_way(&self.positions, time);
+            let offsets = state.positions - of(&firsts);
+            let turned = offsets.clone() + way.turned(&self.labels, &offsets);
+            let own = of(&way.shift) + of(&firsts);
+            state = State { positions: turned + own, turns: product(of(&way.quaternions()), state.turns) };
+            centres = firsts + way.shift;
+        }
+        let law = bodies.laws(&self.positions, time);
+        let rotation = of(&law.rotation);
+        let offsets = state.positions - of(&centres);
+        let turned = offsets.clone() + Factors::of(&rotation).turned_by(&rotation, &offsets);
+        let turns = state.turns.clone() + crate::rotation::turn(state.turns, rotation);
+        State { positions: turned + of(&(centres + law.shift)), turns }
+    }
+}
+
+/// The pose of a motion about `centre` for values `basis` of its functions of time.
+fn pose(motion: &[[f64; MOTION]], basis: &[f64], centre: DVec3) -> BodyPose {
+    let sum = |columns: std::ops::Range<usize>, from: usize| -> DVec3 {
+        let terms = motion.iter().zip(basis).enumerate().filter(|(index, _)| columns.contains(index));
+        terms.map(|(_, (six, x))| DVec3::from_slice(&six[from..from + 3]) * *x).sum()
+    };
+    let turn = |columns: std::ops::Range<usize>| DQuat::from_scaled_axis(sum(columns, 3));
+    BodyPose { rotation: turn(EVEN..motion.len()) * turn(0..EVEN), centre: centre + sum(0..motion.len(), 0) }
+}
+
+/// `values` with zeros behind them.
+fn padded(mut values: Vec<f64>, columns: usize) -> Vec<f64> {
+    values.resize(columns, 0.0);
+    values
 }
 
 /// The unit of each number.
@@ -250,59 +394,47 @@ fn scales(length: f64) -> [f64; NUMBERS] {
     scales
 }
 
-/// Values at `time` of `knots` smooth steps over `span`: the sums of a cubic B-spline and all later ones. The first is
-/// 1 at all times, and a step at a later knot changes nothing before it, so what was learned of early times holds later
-/// ones until they are seen.
-fn steps(span: [f64; 2], knots: usize, time: f64) -> Vec<f64> {
-    let mut values = spline_basis(span, knots, time);
-    for k in (1..knots).rev() {
-        values[k - 1] += values[k];
+impl BodyFrame {
+    /// A body that follows `law` from the time `start` of the first frame on.
+    pub fn of(centre: [f64; 3], law: Law, start: f64) -> Self {
+        Self { centre, law, since: start, rhythms: 0 }
     }
-    values
+
+    /// Time since the law holds; 0 before it, negative only before the first frame of a body that it moves all along.
+    fn law_time(&self, span: &Span, time: f64) -> f64 {
+        if self.since > span.times[0] { (time - self.since).max(0.0) } else { time - self.since }
+    }
+
+    /// The observed time in which the law holds.
+    fn law_span(&self, span: &Span) -> f64 {
+        (span.times[1] - self.since).max(0.0)
+    }
 }
 
-/// Values at `time` of `knots` cubic B-splines over `span`; outside it those at its nearer end. They sum to 1.
-fn spline_basis([first, last]: [f64; 2], knots: usize, time: f64) -> Vec<f64> {
-    let mut basis = vec![0.0; knots];
-    if knots < 4 {
-        if let Some(constant) = basis.first_mut() {
-            *constant = 1.0;
-        }
-        return basis;
+impl Body {
+    /// A body that a law alone moves.
+    pub fn of(frame: BodyFrame, values: LawValues) -> Self {
+        Self { frame, values, free: Vec::new(), rates: Vec::new(), nodes: Vec::new() }
     }
-    let parts = (knots - 3) as f64;
-    let share = if last > first { ((time - first) / (last - first)).clamp(0.0, 1.0) } else { 0.0 };
-    let position = (share * parts).min(parts - 1e-9);
-    let part = position.floor();
-    let x = position - part;
-    let weights = [
-        (1.0 - x).powi(3) / 6.0,
-        (3.0 * x.powi(3) - 6.0 * x * x + 4.0) / 6.0,
-        (-3.0 * x.powi(3) + 3.0 * x * x + 3.0 * x + 1.0) / 6.0,
-        x.powi(3) / 6.0,
-    ];
-    basis[part as usize..part as usize + 4].copy_from_slice(&weights);
-    basis
-}
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+    /// The pose at `time` by the free motion and the law, without nodes.
+    pub fn pose(&self, span: &Span, time: f64) -> BodyPose {
+        let first = DVec3::from_array(self.frame.centre);
+        let basis = free(span.times, span.knots, time.min(self.frame.since));
+        let own = pose(&self.free, &basis, first);
+        let law = self.values.pose(own.centre, self.frame.law_time(span, time));
+        BodyPose { rotation: law.rotation * own.rotation, centre: law.centre }
+    }
 
-    #[test]
-    fn splines_sum_to_one_and_are_smooth() {
-        for knots in [1, 4, 5, 9] {
-            let mut before: Option<Vec<f64>> = None;
-            for k in 0..=200 {
-                let time = -0.1 + 1.2 * f64::from(k) / 200.0;
-                let basis = spline_basis([0.0, 1.0], knots, time);
-                assert!((basis.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-                if let Some(before) = before {
-                    assert!(basis.iter().zip(before).all(|(a, b)| (a - b).abs() < 0.05), "{knots} knots at {time}");
-                }
-                before = Some(basis);
-            }
-        }
-        assert!(spline_basis([0.0, 1.0], 0, 0.3).is_empty());
+    /// The poses of the nodes at `time` by their own motion and the body's free one.
+    pub fn node_poses(&self, span: &Span, time: f64) -> Vec<BodyPose> {
+        let basis = free(span.times, span.knots, time.min(self.frame.since));
+        let first = DVec3::from_array(self.frame.centre);
+        let own = pose(&self.free, &basis, first);
+        let of = |(node, motion): &(NodeFrame, Vec<[f64; MOTION]>)| {
+            let bent = pose(motion, &basis, DVec3::from_array(node.centre));
+            BodyPose { rotation: own.rotation * bent.rotation, centre: own.apply(bent.centre, first) }
+        };
+        self.nodes.iter().map(of).collect()
     }
 }

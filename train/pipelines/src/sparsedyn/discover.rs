@@ -1,47 +1,43 @@
-//! Rigid bodies: found in the paths of the field while the window grows, followed by a smooth free motion, divided and
-//! joined again where their parts move alike, then given laws: those that their poses bear out and photos confirm.
+//! Bodies: neighbours that move alike while the field moves them are one. Each follows a smooth free motion and is bent
+//! by nodes, until all frames are seen and it gets a law.
 
+use burn::tensor::Device;
+use gs_base::median;
 use gs_burn::Gaussians;
 use gs_burn::adam::Adam;
 use gs_burn::glam::DVec3;
 use gs_datasets::View;
 use gs_models::sparsedyn::Phase;
-use gs_models::sparsedyn::bodies::fit::{MARKERS, Poses};
 use gs_models::sparsedyn::bodies::parts::divided;
-use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, BodyPose, Law, LawValues, SegmentOptions, segment, select_law};
+use gs_models::sparsedyn::bodies::{Bodies, Body, BodyFrame, Law, LawValues, NodeFrame, Term, select_law};
 
-use super::config::{BodyUse, MotionModel};
+use super::config::{BodiesConfig, BodyUse, MotionModel};
 use super::count::{bodies_at, laws_at};
 use super::cues::warmup_steps;
 use super::evidence::may_move;
 use super::laws::with_laws;
 use super::poses::{middle, paths, pixel_size, poses_of, vectors, weights_of};
-use super::release::resting_parts;
 use super::update::forget;
 use super::{Sparsedyn, Step};
 use gs_train::fit::parameters::to_host;
 
-/// Times at which paths are compared with a rigid motion.
-const PATH_TIMES: usize = 12;
-
-/// Share of a Gaussian's distance from where it began that is added to the tolerance: the
-/// error of a path grows with its length.
-const TOLERANCE_SHARE: f64 = 0.08;
-
-/// Most bodies. What moves beyond them is left to the field.
-const MOST: usize = 12;
-
-/// Smallest share of a body among the Gaussians that move and have no body yet. Smaller groups are left to the
-/// field.
-const SHARE_LEAST: f64 = 0.02;
-
 /// Fewest Gaussians of a body: fewer do not determine a rotation in the noise of their positions.
 const FEWEST: usize = 12;
 
-/// Fewest Gaussians of a part of a body: three bodies' worth, so that photos determine its rotation.
-const FEWEST_OF_PART: usize = 3 * FEWEST;
+/// Gaussians of a node: their photos determine six numbers of it.
+const OF_NODE: usize = 10;
 
-/// The model after the events of a step: bodies are found and found again, divided, joined and given laws.
+/// Standard deviation of a node's weight in distances to the nearest node: half way, neighbours weigh alike.
+const NODE_WIDTH: f64 = 0.6;
+
+/// Gaussians of one body lie within this many times the median distance to the nearest one.
+const LINK: f64 = 3.0;
+
+/// Change of the distance of two such Gaussians, as a share of the largest at which they are linked, that is allowed
+/// beside the noise of a pose: neighbours in a body that bends move nearly alike.
+const STRETCH: f64 = 0.15;
+
+/// The model after the events of a step: bodies are found, and given laws.
 pub fn evolved(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
     if at.step == warmup_steps(at.config) {
         model.examine_evidence(gaussians, at);
@@ -49,159 +45,130 @@ pub fn evolved(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, vie
     if at.config.method.bodies.mode == BodyUse::Field || model.model != MotionModel::Rollout {
         return model;
     }
-    let events = Events::of(at);
-    if events.examinations.contains(&at.step) {
-        let last = events.examinations.last() == Some(&at.step);
-        model = with_bodies(model, gaussians, adam, views, (at, last));
-        if last {
-            model = in_parts(model, gaussians, adam, at);
-        }
+    if at.step == bodies_at(at.config) {
+        model = with_bodies(model, gaussians, adam, views, at);
     }
-    if at.step == events.select || (at.step == at.config.steps && model.frame.knots > 0) {
+    if at.step == laws_at(at.config) {
         model = with_laws(model, gaussians, adam, views, at);
     }
     model
 }
 
-/// The steps at which bodies change.
-pub(super) struct Events {
-    /// Ascending; at the last one all frames were seen.
-    pub examinations: Vec<usize>,
-    /// The step at which each body gets its law.
-    pub select: usize,
-}
-
-impl Events {
-    pub fn of(at: &Step) -> Self {
-        let config = &at.config.method.bodies;
-        let warmup = warmup_steps(at.config);
-        let select = laws_at(at.config) - warmup;
-        let first = (bodies_at(at.config) - warmup).max(1).min(select);
-        let last = at.cues.curriculum(at.config).long_from().clamp(first, select.saturating_sub(1).max(first));
-        let count = config.examinations.max(1);
-        let mut examinations: Vec<usize> =
-            (0..count).map(|k| warmup + first + (last - first) * k / (count - 1).max(1)).collect();
-        examinations.dedup();
-        Self { examinations, select: warmup + select }
-    }
-}
-
-/// Finds bodies in the paths of the Gaussians that the field moves. At the last examination what rests becomes static:
-/// before it, what rests may only be slow to begin.
-fn with_bodies(
-    mut model: Sparsedyn,
-    gaussians: &Gaussians,
-    adam: &mut Adam,
-    views: &[View],
-    (at, last): (&Step, bool),
-) -> Sparsedyn {
+/// Finds bodies among the Gaussians that may move: neighbours that keep their distance while the field moves them.
+/// What rests may only be slow to begin, so that it gets bodies too.
+fn with_bodies(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
     let config = &at.config.method.bodies;
-    let free: Vec<usize> = (0..model.frame.rows.len()).filter(|i| model.frame.labels[*i] < 0).collect();
-    let examined =
-        (free.len() >= FEWEST && at.cues.times.len() > 1).then(|| examined(&model, gaussians, views, &free, at));
-    let Examined { bodies, resting } = examined.unwrap_or_default();
-    let known = model.frame.bodies.len();
-    let (mut frames, mut values) = (Vec::new(), Vec::new());
-    for body in bodies {
-        body.members.iter().for_each(|i| model.frame.labels[*i] = (known + frames.len()) as i32);
-        frames.push(BodyFrame { centre: body.centre.to_array(), law: Law::GENERAL });
-        values.push(body.values);
+    if model.frame.rows.len() < FEWEST || at.cues.times.len() < 2 {
+        return model;
     }
-    if last {
-        if config.mode == BodyUse::Bodies {
-            let first = model.first_places(gaussians);
-            to_nearest(&mut model.frame.labels, &first);
+    let seen = seen_times(at);
+    let all = paths(&model, &model.first_positions(gaussians), seen);
+    let everything: Vec<usize> = (0..model.frame.rows.len()).collect();
+    let weights = weights_of(&model, gaussians, &everything);
+    let pixel = pixel_size(views, middle(&all[0], &weights));
+    model.frame.labels = linked(&all, config.noise_pixels * pixel, FEWEST);
+    model.frame.pixel = pixel;
+    model.frame.knots = (at.cues.times.len() as f64 / config.knot_frames).ceil() as usize + 2;
+    let count = model.frame.labels.iter().max().map_or(0, |most| *most + 1);
+    let found = |label: i32| {
+        let members: Vec<usize> = everything.iter().copied().filter(|i| model.frame.labels[*i] == label).collect();
+        let poses = poses_of(&all, &members, &weights, seen, config.noise_pixels * pixel);
+        // A few frames bear out few terms, and a wild guess of the others is lost in the next frames.
+        let fitted = select_law(&poses, &Law::SMOOTH);
+        let places: Vec<DVec3> = members.iter().map(|i| all[0][*i]).collect();
+        let (centre, since) = (poses.first.to_array(), model.frame.span[1]);
+        Body {
+            frame: BodyFrame { centre, law: Law::of(&[]), since, rhythms: 0 },
+            values: LawValues::REST,
+            free: fitted.map_or_else(Vec::new, |fitted| free_of(&fitted.values)),
+            rates: Vec::new(),
+            nodes: nodes_of(&places, label as usize, config).into_iter().map(|node| (node, Vec::new())).collect(),
         }
-        model.make_static(&resting);
-    }
-    if !frames.is_empty() {
-        let knots = (at.cues.times.len() as f64 / config.knot_frames).ceil() as usize + 3;
-        model.add_bodies(frames, &values, knots, gaussians);
-        forget(adam);
-    }
-    let resting = resting_parts(&model, gaussians, seen_times(at), views, at);
-    match last {
-        true => model.make_static(&resting),
-        // It may only be slow to begin.
-        false => resting.iter().for_each(|index| model.frame.labels[*index] = -1),
-    }
+    };
+    let found: Vec<Body> = (0..count).map(found).collect();
+    let model = model.with_all(&found, &gaussians.device());
+    forget(adam);
     tracing::info!(
         step = at.step,
-        released = resting.len(),
         bodies = model.frame.bodies.len(),
-        of_bodies = model.frame.labels.iter().filter(|label| **label >= 0).count(),
-        of_field = model.frame.labels.iter().filter(|label| **label < 0).count(),
-        "rigid bodies were looked for"
+        nodes = model.frame.nodes.len(),
+        gaussians = model.frame.labels.len(),
+        "bodies were looked for"
     );
     model
 }
 
-/// The outcome of an examination; Gaussians as indices among the moving ones.
-#[derive(Default)]
-struct Examined {
-    bodies: Vec<Found>,
-    /// Gaussians of bodies that rest.
-    resting: Vec<usize>,
-}
-
-/// A body with its first motion.
-struct Found {
-    members: Vec<usize>,
-    centre: DVec3,
-    values: LawValues,
-}
-
-/// Bodies among the Gaussians `free`.
-fn examined(model: &Sparsedyn, gaussians: &Gaussians, views: &[View], free: &[usize], at: &Step) -> Examined {
-    let config = &at.config.method.bodies;
-    let first = model.first_positions(gaussians);
-    let seen = seen_times(at);
-    let of_free = |all: Vec<Vec<DVec3>>| -> Vec<Vec<DVec3>> {
-        all.into_iter().map(|time| free.iter().map(|i| time[*i]).collect()).collect()
+/// The body of each Gaussian, from 0 on: the connected groups of neighbours that keep their distance along `paths` to
+/// `noise`, scene units. Groups of fewer than `fewest` go with the nearest larger one.
+fn linked(paths: &[Vec<DVec3>], noise: f64, fewest: usize) -> Vec<i32> {
+    let Some(first) = paths.first() else { return Vec::new() };
+    let count = first.len();
+    let nearest = |i: usize| {
+        let others = (0..count).filter(|j| *j != i);
+        others.map(|j| first[i].distance_squared(first[j])).fold(f64::INFINITY, f64::min).sqrt()
     };
-    let all = of_free(paths(model, &first, seen));
-    let sampled: Vec<Vec<DVec3>> = evenly(&all, PATH_TIMES);
-    let weights = weights_of(model, gaussians, free);
-    let pixel = pixel_size(views, middle(&all[0], &weights));
-    let options = SegmentOptions {
-        tolerance: config.tolerance_pixels * pixel,
-        relative: TOLERANCE_SHARE,
-        most: MOST.saturating_sub(model.frame.bodies.len()),
-        fewest: FEWEST,
-        share: SHARE_LEAST,
+    let link = LINK * median((0..count).map(nearest).collect()).unwrap_or(0.0);
+    let are_linked = |i: usize, j: usize| {
+        let apart = first[i].distance(first[j]);
+        apart <= link && paths.iter().all(|now| (now[i].distance(now[j]) - apart).abs() <= 2.0 * noise + STRETCH * link)
     };
-    let labels = segment(&sampled, &weights, &options);
-    let still = at.config.method.moving.still_pixels * pixel;
-    let mut found = Examined::default();
-    for body in 0..labels.iter().flatten().max().map_or(0, |most| *most + 1) {
-        let members: Vec<usize> = (0..free.len()).filter(|i| labels[*i] == Some(body)).collect();
-        if members.len() < 3 {
+    let mut labels = vec![-1; count];
+    let mut sizes: Vec<usize> = Vec::new();
+    for start in 0..count {
+        if labels[start] >= 0 {
             continue;
         }
-        let poses = poses_of(&all, &members, &weights, seen, config.noise_pixels * pixel);
-        let members: Vec<usize> = members.into_iter().map(|i| free[i]).collect();
-        if rests(&poses, still) {
-            found.resting.extend(members);
-            continue;
+        let (own, mut open) = (sizes.len() as i32, vec![start]);
+        labels[start] = own;
+        sizes.push(0);
+        while let Some(i) = open.pop() {
+            sizes[own as usize] += 1;
+            for j in (0..count).filter(|j| labels[*j] < 0 && are_linked(i, *j)).collect::<Vec<_>>() {
+                labels[j] = own;
+                open.push(j);
+            }
         }
-        // A few frames bear out few terms, and a wild guess of the others is lost in the next frames.
-        let Some(fitted) = select_law(&poses, &Law::SMOOTH) else { continue };
-        found.bodies.push(Found { members, centre: poses.first, values: fitted.values });
     }
-    found
+    let is_large = |i: usize| sizes[labels[i] as usize] >= fewest;
+    let large: Vec<usize> = (0..count).filter(|i| is_large(*i)).collect();
+    let joined = |i: usize| {
+        let far = |j: &&usize| first[i].distance_squared(first[**j]);
+        let near = large.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
+        if is_large(i) { labels[i] } else { near.map_or(0, |near| labels[*near]) }
+    };
+    let joined: Vec<i32> = (0..count).map(joined).collect();
+    let mut names = joined.clone();
+    names.sort_unstable();
+    names.dedup();
+    joined.iter().map(|label| names.binary_search(label).unwrap_or(0) as i32).collect()
 }
 
-/// Divides bodies: until laws are chosen, each part follows its own photos.
-fn in_parts(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, at: &Step) -> Sparsedyn {
-    let most = at.config.method.bodies.parts;
-    let Some(bodies) = model.bodies.take() else { return model };
-    let (labels, of) = divided(&model.first_places(gaussians), &model.frame.labels, most, FEWEST_OF_PART);
-    let bodies = bodies.copied(&of);
-    model.frame.labels = labels;
-    model.frame.bodies = bodies.frames.clone();
-    model.bodies = Some(bodies);
-    forget(adam);
-    model
+/// The free motion of a smooth law: even and accelerated columns.
+fn free_of(values: &LawValues) -> Vec<[f64; 6]> {
+    let six = |shift: Term, turn: Term| {
+        let (shift, turn) = (values.vector(shift).to_array(), values.vector(turn).to_array());
+        std::array::from_fn(|k| if k < 3 { shift[k] } else { turn[k - 3] })
+    };
+    vec![six(Term::Velocity, Term::Spin), six(Term::Acceleration, Term::SpinUp)]
+}
+
+/// Nodes among the Gaussians at `places` of the body with a number; none where they are too few for two.
+fn nodes_of(places: &[DVec3], body: usize, config: &BodiesConfig) -> Vec<NodeFrame> {
+    let (labels, of) = divided(places, &vec![0; places.len()], config.nodes, OF_NODE);
+    if of.len() < 2 {
+        return Vec::new();
+    }
+    let centre = |node: usize| {
+        let own: Vec<DVec3> = (0..places.len()).filter(|i| labels[*i] == node as i32).map(|i| places[i]).collect();
+        own.iter().sum::<DVec3>() / own.len().max(1) as f64
+    };
+    let centres: Vec<DVec3> = (0..of.len()).map(centre).collect();
+    let nearest = |node: usize| {
+        let others = (0..centres.len()).filter(|other| *other != node);
+        others.map(|other| centres[other].distance(centres[node])).fold(f64::INFINITY, f64::min)
+    };
+    let width = |node: usize| (NODE_WIDTH * nearest(node)).max(f64::MIN_POSITIVE);
+    (0..centres.len()).map(|node| NodeFrame { centre: centres[node].to_array(), width: width(node), body }).collect()
 }
 
 /// The times of the frames that the window of the curriculum holds at this step: of later ones the field knows nothing.
@@ -230,13 +197,12 @@ impl Sparsedyn {
         self.frame.rows = indices.iter().map(|index| self.frame.rows[*index]).collect();
     }
 
-    fn add_bodies(&mut self, frames: Vec<BodyFrame>, values: &[LawValues], knots: usize, gaussians: &Gaussians) {
-        self.frame.knots = knots;
-        self.bodies = Some(match self.bodies.take() {
-            Some(bodies) => bodies.extended(&frames, values),
-            None => Bodies::new(frames, values, self.frame.span, (self.frame.length, knots), &gaussians.device()),
-        });
-        self.frame.bodies = self.bodies.as_ref().map(|bodies| bodies.frames.clone()).unwrap_or_default();
+    /// The model with the bodies `all`.
+    pub(super) fn with_all(mut self, all: &[Body], device: &Device) -> Self {
+        let bodies = Bodies::new(all, self.frame.bodies_span(), device);
+        (self.frame.bodies, self.frame.nodes) = (bodies.frames.clone(), bodies.node_frames.clone());
+        self.bodies = (!all.is_empty()).then_some(bodies);
+        self
     }
 
     /// Where the moving Gaussians are in the first frame.
@@ -248,33 +214,7 @@ impl Sparsedyn {
     pub fn body_lines(&self) -> Vec<String> {
         let of = |body: usize| self.frame.labels.iter().filter(|label| **label == body as i32).count();
         let frames = self.frame.bodies.iter().enumerate();
-        frames.map(|(body, frame)| format!("{} Gaussians: {}", of(body), frame.law.in_words())).collect()
-    }
-}
-
-/// Whether no marker of a body moves by more than `still`, scene units.
-fn rests(poses: &Poses, still: f64) -> bool {
-    let markers = MARKERS.map(|axis| poses.first + poses.size * axis);
-    let moved =
-        |pose: &BodyPose| markers.map(|at| pose.apply(at, poses.first).distance(at)).into_iter().fold(0.0, f64::max);
-    poses.poses.iter().all(|(_, pose)| moved(pose) <= still)
-}
-
-/// At most `count` of `items`, the first and the last among them.
-fn evenly<T: Clone>(items: &[T], count: usize) -> Vec<T> {
-    if items.len() <= count {
-        return items.to_vec();
-    }
-    (0..count).map(|k| items[k * (items.len() - 1) / (count - 1)].clone()).collect()
-}
-
-/// Gives each Gaussian without a body that of the nearest Gaussian with one.
-fn to_nearest(labels: &mut [i32], first: &[DVec3]) {
-    let known: Vec<(DVec3, i32)> =
-        labels.iter().zip(first).filter(|(label, _)| **label >= 0).map(|(label, at)| (*at, *label)).collect();
-    for (label, at) in labels.iter_mut().zip(first).filter(|(label, _)| **label < 0) {
-        let nearest = known.iter().min_by(|a, b| a.0.distance_squared(*at).total_cmp(&b.0.distance_squared(*at)));
-        *label = nearest.map_or(-1, |(_, body)| *body);
+        frames.map(|(body, frame)| format!("{} Gaussians: {}", of(body), self.frame.words(frame))).collect()
     }
 }
 
@@ -282,14 +222,22 @@ fn to_nearest(labels: &mut [i32], first: &[DVec3]) {
 mod tests {
     use super::*;
 
+    /// Two rows of Gaussians, one of which begins to move away, and a stray one.
     #[test]
-    fn gaussians_of_no_body_go_with_the_nearest_one() {
-        let first: Vec<DVec3> = (0..5).map(|i| DVec3::new(f64::from(i), 0.0, 0.0)).collect();
-        let mut labels = [0, -1, -1, -1, 1];
-        to_nearest(&mut labels, &first);
-        assert_eq!(labels, [0, 0, 0, 1, 1], "the one in the middle goes with the first of two");
-        let mut alone = [-1, -1];
-        to_nearest(&mut alone, &first[..2]);
-        assert_eq!(alone, [-1, -1], "without a body the field moves all");
+    fn neighbours_that_keep_their_distance_are_one_body() {
+        let row = |y: f64| (0..20).map(move |i| DVec3::new(0.1 * f64::from(i), y, 0.0));
+        let first: Vec<DVec3> = row(0.0).chain(row(0.1)).chain([DVec3::new(0.5, 3.0, 0.0)]).collect();
+        let moved = |by: f64| -> Vec<DVec3> {
+            let shift = |i: usize| DVec3::Y * if (20..40).contains(&i) { by } else { 0.0 };
+            first.iter().enumerate().map(|(i, at)| *at + shift(i)).collect()
+        };
+        assert_eq!(linked(&[first.clone(), moved(0.01)], 0.01, 12), [0; 41]);
+        let apart = linked(&[first.clone(), moved(0.01), moved(0.5)], 0.01, 12);
+        assert!(
+            apart[..20].iter().all(|label| *label == 0) && apart[20..].iter().all(|label| *label == 1),
+            "{apart:?}"
+        );
+        assert!(linked(&[], 0.01, 12).is_empty());
+        assert_eq!(linked(&[first[..3].to_vec()], 0.01, 12), [0; 3], "few are one body");
     }
 }

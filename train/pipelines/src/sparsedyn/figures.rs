@@ -1,14 +1,15 @@
 //! Figures of the dynamics: how many Gaussians move, how fast, and how far that is from the truth of synthetic worlds.
 
-use gs_burn::{Gaussians, parameter_bytes};
+use gs_burn::{Gaussians, parameter_bytes, render};
 use gs_datasets::{Scene, View};
 
 use super::{Config, Sparsedyn, Step};
 use gs_train::fit::figure::{Figure, Figures};
 use gs_train::fit::parameters::to_host;
+use gs_train::fit::photos::camera;
 
-/// Figures beside image quality.
-pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, _scene: &Scene, _views: &[View], _at: &Step) -> Figures {
+/// Figures beside image quality: over `views` after the last time seen, what the scene gains over its last state.
+pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, _scene: &Scene, views: &[View], at: &Step) -> Figures {
     let moving = model.frame.rows.len();
     let count = Figure::new("moving_gaussians", "moving Gaussians", moving as f64, "").column();
     let speed = Figure::new(
@@ -17,7 +18,38 @@ pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, _scene: &Scene, _views:
         speed(model, gaussians),
         "units/time",
     );
-    Figures { numbers: vec![count, speed.digits(3)], tables: Vec::new() }
+    let mut numbers = vec![count, speed.digits(3)];
+    if let Some([future, held]) = future_and_held(model, gaussians, views, at) {
+        numbers.push(Figure::new("held", "PSNR of the last state seen, held", held, "dB").digits(2));
+        numbers.push(Figure::new("gain", "PSNR of the future over it", future - held, "dB").digits(2).column());
+    }
+    Figures { numbers, tables: Vec::new() }
+}
+
+/// The mean PSNR of `views` after the last time seen, and that of the scene as it was at that time, dB; `None` without
+/// such a view.
+fn future_and_held(model: &Sparsedyn, gaussians: &Gaussians, views: &[View], at: &Step) -> Option<[f64; 2]> {
+    let last = model.frame.span[1];
+    let time = |view: &View| model.frame.clock.inner(view.time.unwrap_or(0.0));
+    let later: Vec<&View> = views.iter().filter(|view| time(view) > last).collect();
+    let first = model.first_positions(gaussians);
+    let placed = |time: f64| model.placed(gaussians, &model.moved(&first, &[time]).remove(0));
+    let held = placed(last);
+    let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
+    let psnr = |scene: &Gaussians, view: &View| {
+        let image = to_host(render(scene, &camera(view, &gaussians.device()), &options).color);
+        let pixels = image.as_chunks::<3>().0.iter().zip(view.image.data.as_chunks::<3>().0).enumerate();
+        let counted = pixels.filter(|(pixel, _)| view.mask.as_ref().is_none_or(|mask| mask[*pixel] > 0));
+        let error = |(_, (a, b)): (usize, (&[f32; 3], &[u8; 3]))| {
+            a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b) / 255.0).powi(2)).sum::<f64>() / 3.0
+        };
+        let (sum, count) = counted.map(error).fold((0.0, 0.0), |(sum, count), error| (sum + error, count + 1.0));
+        -10.0 * (sum / count).log10()
+    };
+    let both = later.iter().map(|view| [psnr(&placed(time(view)), view), psnr(&held, view)]);
+    let both: Vec<[f64; 2]> = both.filter(|both| both.iter().all(|x| x.is_finite())).collect();
+    let of = |which: usize| both.iter().map(|both| both[which]).sum::<f64>() / both.len() as f64;
+    (!both.is_empty()).then(|| [of(0), of(1)])
 }
 
 fn speed(model: &Sparsedyn, gaussians: &Gaussians) -> f64 {

@@ -94,20 +94,23 @@ impl RolledFuture {
     /// The uncertainty of each body's law.
     fn laws(&self, bodies: &Bodies) -> Vec<LawUncertainty> {
         let first = self.method().first_places(&self.scene.gaussians);
-        let values = bodies.values();
+        let all = bodies.all();
         let of = |(body, frame): (usize, &gs_models::sparsedyn::bodies::BodyFrame)| {
-            let centre = DVec3::from_array(frame.centre);
+            let (own, span) = (&all[body], &bodies.span);
+            let centre = own.pose(span, frame.since).centre;
+            let first_centre = DVec3::from_array(frame.centre);
             let members = self.method().frame.labels.iter().zip(&first).filter(|(label, _)| **label == body as i32);
-            let squares: Vec<f64> = members.map(|(_, position)| position.distance_squared(centre)).collect();
+            let squares: Vec<f64> = members.map(|(_, position)| position.distance_squared(first_centre)).collect();
             let spread = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+            let times: Vec<f64> = self.seen.iter().map(|time| time - frame.since).filter(|s| *s >= 0.0).collect();
             let observed = Observed {
                 first: centre,
                 size: spread.sqrt(),
-                times: self.seen.iter().map(|time| time - self.method().frame.start).collect(),
-                independent: self.seen.len() as f64 / self.frames_per_pose,
+                independent: times.len() as f64 / self.frames_per_pose,
+                times,
                 noise: self.noise,
             };
-            LawUncertainty::of(frame.law, values[body], observed)
+            LawUncertainty::of(frame.law, own.values, observed)
         };
         bodies.frames.iter().enumerate().map(of).collect()
     }
@@ -150,10 +153,7 @@ impl RolledFuture {
             // Beside the streams of the field.
             let mut rng = stream(self.seed, Purpose::Ensemble, (2 << 32) + index);
             let values: Vec<LawValues> = laws.iter().map(|law| law.draw(|| normal_pair(&mut rng)[0])).collect();
-            let device = bodies.numbers.val().device();
-            let size = (bodies.length, bodies.knots());
-            let drawn = Bodies::new(bodies.frames.clone(), &values, bodies.span, size, &device);
-            method.bodies = Some(Bodies { numbers: drawn.numbers, ..bodies.clone() });
+            method.bodies = Some(bodies.with_values(&values));
         }
         if let (Some(field), Some(scale)) = (&method.field, scale) {
             method.field = Some(field_draw(field, &self.normals(index, field), scale));
@@ -184,7 +184,7 @@ impl Extrapolation for RolledFuture {
             let terms = Term::ALL.into_iter().filter(|term| constants.law.has(*term));
             parts.push(Part {
                 name: format!("body_{body}"),
-                words: constants.law.in_words().into(),
+                words: frame.words(constants),
                 terms: terms
                     .map(|term| (named(term), in_unit(term, &values.0[term.numbers()], &frame.clock)))
                     .collect(),

@@ -2,21 +2,21 @@
 
 use gs_burn::{Gaussians, render};
 use gs_datasets::View;
-use gs_models::sparsedyn::bodies::fit::late_from;
-use gs_models::sparsedyn::bodies::{BodyFrame, Law, LawValues};
+use gs_models::sparsedyn::bodies::Body;
 
 use super::{Sparsedyn, Step};
 use gs_train::fit::parameters::to_host;
-use gs_train::fit::photos::{camera, to_tensor};
+use gs_train::fit::photos::camera;
 
 /// Late times whose photos judge.
-const LATE_TIMES: usize = 3;
-
-/// Times whose photos judge a whole path: a rotation of half a turn shows its phase in six.
-const ALL_TIMES: usize = 6;
+const LATE_TIMES: usize = 5;
 
 /// Most photos of a time that judge.
 const PHOTOS: usize = 5;
+
+/// Largest difference of two renderings that is none: two steps of an 8-bit photo. A body on a few pixels is judged by
+/// these, and not by what all candidates have in common.
+const SAME: f32 = 2.0 / 255.0;
 
 /// Photos of some times.
 pub struct Judges<'a> {
@@ -27,25 +27,9 @@ pub struct Judges<'a> {
 }
 
 impl<'a> Judges<'a> {
-    /// Photos of the last third of `times`, the first frames of the recording.
-    pub fn of(times: &[f64], views: &'a [View], gaussians: &'a Gaussians, at: &Step) -> Self {
-        Self::after((late_from(times.len()), LATE_TIMES), times, views, gaussians, at)
-    }
-
-    /// Photos of all of `times`.
-    pub fn of_all(times: &[f64], views: &'a [View], gaussians: &'a Gaussians, at: &Step) -> Self {
-        Self::after((0, ALL_TIMES), times, views, gaussians, at)
-    }
-
-    /// Photos of `count` times from frame `first` on, evenly, the last one among them.
-    fn after(
-        (first, count): (usize, usize),
-        times: &[f64],
-        views: &'a [View],
-        gaussians: &'a Gaussians,
-        at: &Step,
-    ) -> Self {
-        let late = (1..=count).map(|k| first + k * (times.len() - 1 - first) / count);
+    /// Photos of some of `times` from frame `first` on, evenly, the last one among them.
+    pub fn after(first: usize, times: &[f64], views: &'a [View], gaussians: &'a Gaussians, at: &Step) -> Self {
+        let late = (1..=LATE_TIMES).map(|k| first + k * (times.len() - 1 - first) / LATE_TIMES);
         let of_frame = |frame: usize| {
             let all = &at.cues.by_frame[frame];
             let step = all.len().div_ceil(PHOTOS).max(1);
@@ -58,41 +42,49 @@ impl<'a> Judges<'a> {
         }
     }
 
-    /// The mean squared difference of renderings from the photos where these count, 0 to 1; `None` without a photo, or
-    /// where it is not finite.
-    pub fn error(&self, model: &Sparsedyn) -> Option<f64> {
-        let device = self.gaussians.device();
-        let times: Vec<f64> = self.photos.iter().map(|(time, _)| *time).collect();
-        let moved = model.moved(&model.first_positions(self.gaussians), &times);
-        let (mut sum, mut count) = (0.0, 0.0);
-        for (moved, (_, photos)) in moved.iter().zip(&self.photos) {
-            let scene = model.placed(self.gaussians, moved);
+    /// The mean squared difference of each model's renderings from the photos, 0 to 1, where these count and two of the
+    /// models differ; `None` without such a pixel, or where it is not finite.
+    pub fn errors(&self, models: &[Sparsedyn]) -> Vec<Option<f64>> {
+        let mut sums = vec![0.0; models.len()];
+        let mut count = 0.0;
+        for (time, photos) in &self.photos {
+            let moved = |model: &Sparsedyn| {
+                let moved = model.moved(&model.first_positions(self.gaussians), &[*time]).remove(0);
+                model.placed(self.gaussians, &moved)
+            };
+            let scenes: Vec<Gaussians> = models.iter().map(moved).collect();
             for view in photos {
-                let rendering = render(&scene, &camera(view, &device), &self.options);
-                let difference = to_host(rendering.color - to_tensor(view, &view.image.data, 3, &device));
+                let camera = camera(view, &self.gaussians.device());
+                let drawn: Vec<Vec<f32>> =
+                    scenes.iter().map(|scene| to_host(render(scene, &camera, &self.options).color)).collect();
                 let counts = |pixel: usize| view.mask.as_ref().is_none_or(|mask| mask[pixel] > 0);
-                for (_, rgb) in difference.chunks_exact(3).enumerate().filter(|(pixel, _)| counts(*pixel)) {
-                    sum += rgb.iter().map(|x| f64::from(x * x)).sum::<f64>();
-                    count += 3.0;
+                for index in (0..view.image.data.len()).filter(|index| counts(index / 3) && differ(&drawn, *index)) {
+                    for (sum, drawn) in sums.iter_mut().zip(&drawn) {
+                        *sum += (f64::from(drawn[index]) - f64::from(view.image.data[index]) / 255.0).powi(2);
+                    }
+                    count += 1.0;
                 }
             }
         }
-        let mean: f64 = sum / count;
-        mean.is_finite().then_some(mean)
+        sums.into_iter().map(|sum: f64| Some(sum / count).filter(|mean| mean.is_finite())).collect()
     }
 }
 
+/// Whether two images differ in a value by more than [`SAME`].
+fn differ(images: &[Vec<f32>], index: usize) -> bool {
+    let values = images.iter().map(|image| image[index]);
+    let (low, high) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+    high - low > SAME
+}
+
 /// `model` with the moving Gaussians `members` in a body of their own.
-pub fn with_one(model: &Sparsedyn, members: &[usize], frame: BodyFrame, values: LawValues) -> Sparsedyn {
+pub fn with_one(model: &Sparsedyn, members: &[usize], body: Body) -> Sparsedyn {
     let mut model = model.clone();
     let Some(bodies) = model.bodies.take() else { return model };
     let own = bodies.len() as i32;
     members.iter().for_each(|i| model.frame.labels[*i] = own);
-    model.bodies = Some(bodies.extended(&[frame], &[values]));
-    model
-}
-
-/// `model` with the moving Gaussians `members` at rest.
-pub fn with_rest(model: &Sparsedyn, members: &[usize]) -> Sparsedyn {
-    with_one(model, members, BodyFrame { centre: [0.0; 3], law: Law::of(&[]) }, LawValues::REST)
+    let mut all = bodies.all();
+    all.push(body);
+    let device = bodies.numbers.val().device();
+    model.with_all(&all, &device)
 }

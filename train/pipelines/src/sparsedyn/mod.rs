@@ -32,7 +32,6 @@ pub mod model;
 pub mod motion;
 pub mod order;
 mod poses;
-mod release;
 pub mod scene;
 mod sources;
 pub mod timetable;

@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 
 use burn::module::Module;
 use burn::tensor::{Device, Int, Tensor};
+use gs_base::counted;
 use gs_burn::RowMap;
-use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, LawValues};
+use gs_models::sparsedyn::bodies::motion::RHYTHMS;
+use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, NodeFrame, Span};
 use gs_models::sparsedyn::rollout::STEPS_MAX;
 use gs_models::sparsedyn::{
     CodedField, CodedFieldConfig, Deformation, DeformationConfig, DynamicsField, DynamicsFieldConfig, RolloutOptions,
@@ -50,8 +52,13 @@ pub struct Frame {
     pub labels: Vec<i32>,
     /// Constants of the bodies.
     pub bodies: Vec<BodyFrame>,
+    /// Constants of the nodes that bend them.
+    pub nodes: Vec<NodeFrame>,
     /// Knots of the bodies' free motion.
     pub knots: usize,
+    /// A pixel at the moving Gaussians, scene units.
+    #[serde(with = "gs_models::bits")]
+    pub pixel: f64,
     /// The canonical time: the first frame's.
     #[serde(with = "gs_models::bits")]
     pub start: f64,
@@ -87,10 +94,35 @@ impl Frame {
         let labelled = self.labels.len() == self.rows.len()
             && self.labels.iter().all(|label| (-1..self.bodies.len() as i32).contains(label));
         let known = self.knots <= KNOTS_MAX && self.bodies.iter().all(|body| body.law.is_known());
+        let is_body = |body: &BodyFrame| {
+            body.centre.iter().all(|x| x.is_finite()) && body.since.is_finite() && body.rhythms as usize <= RHYTHMS
+        };
+        let is_node = |node: &NodeFrame| {
+            node.body < self.bodies.len() && node.width > 0.0 && node.centre.iter().all(|x| x.is_finite())
+        };
+        let known = known && self.bodies.iter().all(is_body) && self.nodes.iter().all(is_node);
         match usable && seen && ascending && labelled && known {
             true => Ok(()),
             false => Err("the constants of the dynamics are not usable".into()),
         }
+    }
+}
+
+impl Frame {
+    /// The motion of a body in words, with the time of the data set from which its law holds.
+    pub fn words(&self, body: &BodyFrame) -> String {
+        let law = body.law.in_words();
+        match (body.rhythms, body.since > self.start) {
+            (0, false) => law.into(),
+            (0, true) if body.since >= self.span[1] => "moves freely".into(),
+            (0, true) => format!("{law} from time {:.3} on", self.clock.outer(body.since)),
+            (count, _) => format!("{law} and bends by {}", counted(count as usize, "oscillation")),
+        }
+    }
+
+    /// The time that bodies were seen in, and the size of their tables.
+    pub fn bodies_span(&self) -> Span {
+        Span { times: self.span, knots: self.knots, length: self.length }
     }
 }
 
@@ -118,10 +150,8 @@ impl Sparsedyn {
             coded: is_coded.then(|| coded.init(device)),
             deformation: (dynamics.model != MotionModel::Rollout).then(|| deformation.init(device)),
             model: dynamics.model,
-            bodies: (!frame.bodies.is_empty()).then(|| {
-                let rest = vec![LawValues::REST; frame.bodies.len()];
-                Bodies::new(frame.bodies.clone(), &rest, frame.span, (frame.length, frame.knots), device)
-            }),
+            bodies: (!frame.bodies.is_empty())
+                .then(|| Bodies::at_rest(frame.bodies.clone(), frame.nodes.clone(), frame.bodies_span(), device)),
             frame,
             options,
         }

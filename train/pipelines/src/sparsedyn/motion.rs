@@ -49,7 +49,7 @@ impl Sparsedyn {
         let device = positions.device();
         let pick = |list: &[u32]| positions.clone().select(0, indices(list, &device));
         let own = pick(&parts.of_bodies);
-        let labels = indices(&parts.labels, &device);
+        let followers = bodies.of(&own, &parts.labels);
         let by_field = match parts.of_field.is_empty() {
             true => None,
             false => Some(self.moved_by_field(&pick(&parts.of_field), times)),
@@ -57,7 +57,7 @@ impl Sparsedyn {
         let order = indices(&parts.order, &device);
         let mut others = by_field.into_iter().flatten();
         let mut one = |time: &f64| {
-            let state = bodies.states(&own, &labels, *time);
+            let state = followers.state(*time);
             let Some(other) = others.next() else { return Moved { state, growth: None } };
             let joined = |a: Tensor<2>, b: Tensor<2>| Tensor::cat(vec![a, b], 0).select(0, order.clone());
             let growth = other.growth.map(|growth| joined(own.zeros_like(), growth));

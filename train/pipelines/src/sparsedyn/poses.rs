@@ -4,7 +4,8 @@ use burn::tensor::Tensor;
 use gs_burn::Gaussians;
 use gs_burn::glam::DVec3;
 use gs_datasets::View;
-use gs_models::sparsedyn::bodies::fit::Poses;
+use gs_models::sparsedyn::bodies::BodyPose;
+use gs_models::sparsedyn::bodies::fit::{MARKERS, Poses};
 use gs_models::sparsedyn::bodies::rigid::rigid_motion;
 
 use super::Sparsedyn;
@@ -47,6 +48,15 @@ pub fn poses_of(paths: &[Vec<DVec3>], members: &[usize], weights: &[f64], times:
 pub fn middle(positions: &[DVec3], weights: &[f64]) -> DVec3 {
     let total: f64 = weights.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     positions.iter().zip(weights).map(|(position, weight)| *position * *weight).sum::<DVec3>() / total
+}
+
+/// Whether the markers of a body move by no more than `still`, scene units, as root mean square over them and times.
+pub fn rests(poses: &Poses, still: f64) -> bool {
+    let markers = MARKERS.map(|axis| poses.first + poses.size * axis);
+    let moved =
+        |pose: &BodyPose| markers.map(|at| pose.apply(at, poses.first).distance_squared(at)).iter().sum::<f64>();
+    let sum: f64 = poses.poses.iter().map(|(_, pose)| moved(pose)).sum();
+    sum <= still * still * (markers.len() * poses.poses.len()) as f64
 }
 
 /// Scene units of a pixel at `position`, in the training view that shows it largest.

@@ -6,8 +6,8 @@ use gs_models::sparsedyn::Phase;
 
 use super::Step;
 use super::config::{BodyUse, MotionModel};
+use super::count::{bodies_at, laws_at};
 use super::cues::warmup_steps;
-use super::discover::Events;
 use super::model::Frame;
 use super::order::Progressive;
 use gs_train::fit::sampler::ViewOrder;
@@ -64,23 +64,17 @@ pub fn lines(frame: &Frame, at: &Step) -> Vec<String> {
         ));
     }
     lines.extend(events(at).map(|events| {
-        let (first, last) = (events.examinations.first().copied(), events.examinations.last().copied());
-        format!(
-            "schedule: bodies are looked for {} from step {} to {}, and get their laws at step {}",
-            counted(events.examinations.len(), "time"),
-            first.unwrap_or(0),
-            last.unwrap_or(0),
-            events.select
-        )
+        let [found, laws] = events;
+        format!("schedule: bodies are looked for at step {found}, and get their laws at step {laws}")
     }));
     lines
 }
 
-/// The events of bodies; `None` where there are none.
-fn events(at: &Step) -> Option<Events> {
+/// The steps at which bodies are looked for and get their laws; `None` where there are none.
+fn events(at: &Step) -> Option<[usize; 2]> {
     let sections = &at.config.method;
     let has_bodies = sections.bodies.mode != BodyUse::Field && sections.dynamics.model == MotionModel::Rollout;
-    has_bodies.then(|| Events::of(at))
+    has_bodies.then(|| [bodies_at(at.config), laws_at(at.config)])
 }
 
 /// The last time of the window and the times that are drawn, over steps, with the events.
@@ -99,9 +93,11 @@ pub fn curves(scene: &Scene, at: &Step) -> Timetable {
     let mark = |name: &str, steps: Vec<usize>| Mark { name: name.into(), steps };
     let warmup = warmup_steps(config);
     let mut marks = vec![mark("motion begins", vec![warmup])];
-    marks.extend(events(at).into_iter().flat_map(|events| {
-        [mark("bodies are looked for", events.examinations), mark("laws are chosen", vec![events.select])]
-    }));
+    marks.extend(
+        events(at).into_iter().flat_map(|events| {
+            [mark("bodies are looked for", vec![events[0]]), mark("laws are chosen", vec![events[1]])]
+        }),
+    );
     let mut curves = vec![curve("end of the window", horizon(at), true), curve("time compared", drawn, false)];
     if !replayed.is_empty() {
         curves.push(curve("times replayed", replayed, false));

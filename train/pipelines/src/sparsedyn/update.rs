@@ -8,6 +8,10 @@ use super::cues::warmup_steps;
 use super::{Config, Sparsedyn, Step};
 use gs_train::fit::schedule::exponential;
 
+/// The learning rate of oscillations' rates is this many times that of other numbers: a rate is some radians per unit
+/// of time, other numbers are tenths of a body.
+const RATES_FASTER: f64 = 30.0;
+
 /// Learning rate of the bodies' numbers at the last step, the same as the field's.
 const LR_FINAL: f64 = 2e-5;
 
@@ -21,7 +25,11 @@ impl Sparsedyn {
         let dynamics = &at.config.method.dynamics;
         let field = exponential(dynamics.lr, dynamics.lr_final, at.step - warmup, at.config.steps - warmup);
         let body = body_rate(at.step, at.config);
-        let rate = |path: &str| if path.starts_with("method.bodies.") { body } else { field };
+        let rate = |path: &str| match path {
+            "method.bodies.rates" => RATES_FASTER * body,
+            path if path.starts_with("method.bodies.") => body,
+            _ => field,
+        };
         adam.update_under("method", self, gradients, |path| Some(AdamRate::new(rate(path))))
     }
 }
@@ -39,7 +47,7 @@ fn body_rate(step: usize, config: &Config) -> f64 {
 
 /// Forgets the moments of the bodies' numbers: they belong to numbers of another meaning once bodies change.
 pub fn forget(adam: &mut Adam) {
-    for path in ["method.bodies.numbers", "method.bodies.corrections"] {
+    for path in ["method.bodies.numbers", "method.bodies.free", "method.bodies.nodes", "method.bodies.rates"] {
         adam.forget(path);
     }
 }

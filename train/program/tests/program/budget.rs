@@ -16,15 +16,15 @@ const SOURCE_LINES: [(&str, usize); 14] = [
     ("datasets/worlds", 4_700),
     ("gs-burn", 6_600),
     ("gs-kernels", 14_150),
-    ("models", 10_760),
+    ("models", 11_700),
     ("tests/lab", 6_050),
     ("train", 9_500),
-    ("train/pipelines", 12_460),
+    ("train/pipelines", 12_490),
     ("train/program", 8_900),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 37_600;
+const TEST_LINES: usize = 37_820;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [

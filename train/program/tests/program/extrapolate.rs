@@ -9,7 +9,7 @@ use burn::tensor::Tensor;
 use gs_burn::Gaussians;
 use gs_burn::glam::{DMat4, DVec3};
 use gs_datasets::View;
-use gs_models::sparsedyn::bodies::{Bodies, BodyFrame, Law, LawValues, Term};
+use gs_models::sparsedyn::bodies::{Bodies, Body, BodyFrame, Law, LawValues, Term};
 use gs_pipelines::sparsedyn::Sparsedyn;
 use gs_pipelines::sparsedyn::future::RolledFuture;
 use gs_pipelines::sparsedyn::model::Frame;
@@ -157,15 +157,17 @@ fn future(body: bool) -> RolledFuture {
         Tensor::full([rows], 2.0, &device),
         Tensor::zeros([rows, 1, 3], &device),
     );
-    let frames = vec![BodyFrame { centre: [0.0; 3], law: Law::of(&[Term::Spin, Term::Pivot]) }];
+    let turning = BodyFrame::of([0.0; 3], Law::of(&[Term::Spin, Term::Pivot]), 0.0);
     let mut values = LawValues::REST;
     values.set(Term::Spin, DVec3::new(0.0, 0.0, SPIN));
     let frame = Frame {
         clock: Default::default(),
         rows: (10..rows as u32).collect(),
         labels: vec![if body { 0 } else { -1 }; rows - 10],
-        bodies: if body { frames.clone() } else { Vec::new() },
+        bodies: if body { vec![turning.clone()] } else { Vec::new() },
+        nodes: Vec::new(),
         knots: 0,
+        pixel: 0.04,
         start: 0.0,
         span: [0.0, 0.75],
         step: 2.0 / 60.0,
@@ -175,7 +177,8 @@ fn future(body: bool) -> RolledFuture {
     let config = common::typed::<Sparsedyn>(&common::config(10, &["pipeline=sparsedyn"]));
     let mut method = Sparsedyn::new(frame, &config.method.dynamics, 3, &device);
     if body {
-        method.bodies = Some(Bodies::new(frames, &[values], [0.0, 0.75], (0.7, 0), &device));
+        let span = method.frame.bodies_span();
+        method.bodies = Some(Bodies::new(&[Body::of(turning, values)], span, &device));
     }
     let view = |k: usize| View {
         time: Some(k as f64 / 60.0),

@@ -49,7 +49,7 @@ fn every_way_trains_and_is_measured() {
     let world = world(folder, World::Duo, (24, 32), 4);
     for (index, keys) in [
         ["dynamics.ask=stage", "dynamics.integrator=rk2", "bodies.mode=field"],
-        ["dynamics.ask=step", "dynamics.integrator=rk4", "bodies.mode=both"],
+        ["dynamics.ask=step", "dynamics.integrator=rk4", "bodies.nodes=0"],
         ["dynamics.ask=start", "dynamics.integrator=screw", "bodies.mode=bodies"],
         ["dynamics.model=hybrid", "dynamics.ask=start", "moving.select=false"],
         ["dynamics.model=trace", "dynamics.integrator=rk2", "moving.select=false"],
@@ -109,7 +109,7 @@ fn a_rotation_is_found_and_goes_on() {
         DVec3::from_slice(&numbers.filter_map(serde_json::Value::as_f64).collect::<Vec<_>>())
     };
     let truth = DQuat::from_scaled_axis(vector("angular_velocity"));
-    let pose = bodies.poses(1.0)[body];
+    let pose = bodies.all()[body].pose(&bodies.span, 1.0);
     let words = model.body_lines().join("; ");
     let psnr = eval.last.mean().psnr;
     let angle = pose.rotation.angle_between(truth).to_degrees();
@@ -137,7 +137,7 @@ fn largest_at_1(world: World) -> (BodyPose, DVec3, String) {
     let of = |body: usize| model.frame.labels.iter().filter(|label| **label == body as i32).count();
     let body = (0..bodies.len()).max_by_key(|body| of(*body)).expect("a body");
     let words = format!("{}, {psnr} dB", model.body_lines().join("; "));
-    (bodies.poses(1.0)[body], DVec3::from_array(bodies.frames[body].centre), words)
+    (bodies.all()[body].pose(&bodies.span, 1.0), DVec3::from_array(bodies.frames[body].centre), words)
 }
 
 /// A ball that falls freely is where it should be at time 1, a quarter of the recording after the last frame that was

@@ -1,0 +1,222 @@
+//! The law of a body that bends: a law of its whole, and oscillations of its nodes in the frame that the law moves.
+
+use gs_burn::glam::DVec3;
+
+use super::basis::{EVEN, MOTION, free};
+use super::fit::{Poses, fit_law};
+use super::law::{BodyPose, Law, LawValues, Term};
+use super::least_squares::damped;
+use super::motion::{Body, BodyFrame, RHYTHMS, Span};
+use super::nodes::NodeFrame;
+use super::rhythm::Rhythm;
+
+/// Share of the observed time from which on the rest is foreseen to compare laws: the future of a recording is about a
+/// third of what was seen.
+const KNOWN: f64 = 0.75;
+
+/// Share of a column that keeps columns which are alike apart.
+const SMALL: f64 = 1e-6;
+
+/// Laws of the whole: what goes to and fro is the nodes'.
+const WHOLE: [Law; 6] = [
+    Law::of(&[]),
+    Law::of(&[Term::Velocity]),
+    Law::of(&[Term::Velocity, Term::Acceleration]),
+    Law::of(&[Term::Spin, Term::Pivot]),
+    Law::of(&[Term::Velocity, Term::Spin]),
+    Law::of(&[Term::Velocity, Term::Acceleration, Term::Spin]),
+];
+
+/// A body that bends, with its law.
+#[derive(Debug, Clone)]
+pub struct Bent {
+    /// The body.
+    pub body: Body,
+    /// Root mean square distance of the nodes in the last part of the seen time from where the law has them that was
+    /// fitted to the part before, scene units.
+    pub foreseen: f64,
+}
+
+/// The law of the body `own`, whose Gaussians as one rigid body have `poses`; of the laws and numbers of oscillations
+/// the one that foresees the last part of the seen time best from the others.
+pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
+    let seen: Vec<(f64, Vec<BodyPose>)> =
+        poses.poses.iter().map(|(s, _)| (*s, own.node_poses(span, span.times[0] + s))).collect();
+    let known = ((KNOWN * seen.len() as f64) as usize).clamp(1, seen.len());
+    let early = Poses { poses: poses.poses[..known].to_vec(), ..poses.clone() };
+    let mut best: Option<(f64, f64, Law, usize)> = None;
+    for law in WHOLE {
+        let (Some(values), Some(before)) = (values_of(poses, law), values_of(&early, law)) else { continue };
+        let [whole, before] = [values, before].map(|values| Whole { nodes: &own.nodes, values, first: poses.first });
+        for count in 0..=RHYTHMS {
+            let left = whole.apart(&whole.rhythm(&seen, count), &seen);
+            let foreseen = before.apart(&before.rhythm(&seen[..known], count), &seen[known - 1..]);
+            let score = score(poses, law, count, [left, foreseen]);
+            if best.is_none_or(|(least, ..)| score < least) {
+                best = Some((score, foreseen, law, count));
+            }
+        }
+    }
+    let (_, foreseen, law, count) = best.unwrap_or((0.0, f64::INFINITY, Law::of(&[]), 0));
+    let values = values_of(poses, law).unwrap_or(LawValues::REST);
+    let whole = Whole { nodes: &own.nodes, values, first: poses.first };
+    let rhythm = whole.rhythm(&seen, count);
+    let frame = BodyFrame { centre: poses.first.to_array(), law, since: span.times[0], rhythms: count as u32 };
+    let rest = whole.rest(&rhythm, &seen, span);
+    let of = |(index, (node, _)): (usize, &(NodeFrame, _))| (node.clone(), columns(&rhythm, &rest, span, node, index));
+    let nodes = own.nodes.iter().enumerate().map(of).collect();
+    Bent { body: Body { frame, values, free: Vec::new(), rates: rhythm.rates, nodes }, foreseen }
+}
+
+/// The criterion by which laws are compared; lower is better: BIC over the seen time, and twice the negative
+/// logarithm of the likelihood of what is foreseen. A body that bends counts as the six numbers of one rigid body at
+/// each independent pose, and so do the sine and the cosine of an oscillation: neighbouring nodes move much alike.
+fn score(poses: &Poses, law: Law, count: usize, [left, foreseen]: [f64; 2]) -> f64 {
+    let independent = MOTION as f64 * poses.independent.max(1.0);
+    // Squared distances are of three coordinates.
+    let likelihood = |rms: f64| (rms * rms / 3.0 + poses.noise * poses.noise).max(f64::MIN_POSITIVE).ln();
+    let numbers = law.freedom() + count * (2 * MOTION + 1);
+    independent * (likelihood(left) + (1.0 - KNOWN) * likelihood(foreseen)) + numbers as f64 * independent.ln()
+}
+
+fn values_of(poses: &Poses, law: Law) -> Option<LawValues> {
+    if law == Law::of(&[]) { Some(LawValues::REST) } else { fit_law(poses, law).map(|fitted| fitted.values) }
+}
+
+/// The law of a whole, whose nodes go to and fro.
+struct Whole<'a> {
+    nodes: &'a [(NodeFrame, Vec<[f64; MOTION]>)],
+    values: LawValues,
+    first: DVec3,
+}
+
+impl Whole<'_> {
+    /// Shifts and rotation vectors of the nodes in the frame of the law, at `s`; rotations are in scene units, by the
+    /// width of a node.
+    fn within(&self, s: f64, poses: &[BodyPose]) -> Vec<f64> {
+        let law = self.values.pose(self.first, s);
+        let back = law.rotation.inverse();
+        let of = |(pose, (node, _)): (&BodyPose, &(NodeFrame, _))| {
+            let place = back * (pose.centre - law.centre) + self.first;
+            let turn = (back * pose.rotation).to_scaled_axis() * node.width;
+            [(place - DVec3::from_array(node.centre)).to_array(), turn.to_array()].concat()
+        };
+        poses.iter().zip(self.nodes).flat_map(of).collect()
+    }
+
+    fn rhythm(&self, seen: &[(f64, Vec<BodyPose>)], count: usize) -> Rhythm {
+        let rows: Vec<Vec<f64>> = seen.iter().map(|(s, poses)| self.within(*s, poses)).collect();
+        let s: Vec<f64> = seen.iter().map(|(s, _)| *s).collect();
+        let quantities = rows.first().map_or(0, Vec::len);
+        let data: Vec<Vec<f64>> =
+            (0..quantities).map(|k| rows.iter().map(|row| row[k] - rows[0][k]).collect()).collect();
+        Rhythm::fit(&s, &data, count)
+    }
+
+    /// For each quantity the steps of a free motion that say what `rhythm` leaves of the seen time.
+    fn rest(&self, rhythm: &Rhythm, seen: &[(f64, Vec<BodyPose>)], span: &Span) -> Vec<Vec<f64>> {
+        let basis: Vec<Vec<f64>> = seen.iter().map(|(s, _)| free(span.times, span.knots, span.times[0] + s)).collect();
+        let column = |k: usize| basis.iter().map(|values| values[EVEN + k]).collect();
+        let columns: Vec<Vec<f64>> = (0..span.knots).map(column).collect();
+        let rows: Vec<Vec<f64>> = seen
+            .iter()
+            .map(|(s, poses)| self.within(*s, poses).iter().zip(rhythm.at(*s)).map(|(x, y)| x - y).collect())
+            .collect();
+        (0..rows.first().map_or(0, Vec::len))
+            .map(|k| {
+                let values: Vec<f64> = rows.iter().map(|row| row[k]).collect();
+                damped(&columns, &values, SMALL).unwrap_or_else(|| vec![0.0; columns.len()])
+            })
+            .collect()
+    }
+
+    /// Root mean square distance of the nodes from where `rhythm` has them, which goes on from the first of `late`.
+    fn apart(&self, rhythm: &Rhythm, late: &[(f64, Vec<BodyPose>)]) -> f64 {
+        let Some((start, from)) = late.first() else { return f64::INFINITY };
+        let left: Vec<f64> = self.within(*start, from).iter().zip(rhythm.at(*start)).map(|(x, y)| x - y).collect();
+        let (mut sum, mut count) = (0.0, 0.0_f64);
+        for (s, poses) in late {
+            let expected = rhythm.at(*s);
+            for (k, x) in self.within(*s, poses).into_iter().enumerate() {
+                sum += (x - expected[k] - left[k]).powi(2);
+                count += if k % MOTION < 3 { 1.0 / 3.0 } else { 0.0 };
+            }
+        }
+        (sum / count.max(1.0)).sqrt()
+    }
+}
+
+/// The motion of a node by function of time: none even, the steps of what is left, then its sines and its cosines.
+fn columns(rhythm: &Rhythm, rest: &[Vec<f64>], span: &Span, node: &NodeFrame, index: usize) -> Vec<[f64; MOTION]> {
+    let mut columns = vec![[0.0; MOTION]; span.columns() + 2 * RHYTHMS];
+    let (count, waves) = (rhythm.rates.len(), span.columns());
+    for k in 0..MOTION {
+        let scale = if k < 3 { 1.0 } else { node.width };
+        for (step, x) in rest.get(MOTION * index + k).into_iter().flatten().enumerate() {
+            columns[EVEN + step][k] = x / scale;
+        }
+        let Some(own) = rhythm.amplitudes.get(MOTION * index + k) else { continue };
+        for rate in 0..count {
+            columns[waves + rate][k] = own[rate] / scale;
+            columns[waves + RHYTHMS + rate][k] = own[count + rate] / scale;
+        }
+    }
+    columns
+}
+
+#[cfg(test)]
+mod tests {
+    use gs_burn::glam::DQuat;
+
+    use super::*;
+
+    const SPAN: Span = Span { times: [0.0, 44.0 / 59.0], knots: 14, length: 0.5 };
+
+    /// Where a swimmer's place `x`, 0 to 1, is at `s`: it goes on evenly, and bends by a wave of 1.5 periods a unit.
+    fn swimmer(x: f64, s: f64, speed: f64) -> DVec3 {
+        let wave = |s: f64| 0.2 * x * (std::f64::consts::TAU * (1.5 * s - 0.8 * x)).sin();
+        DVec3::new(x + speed * s, wave(s) - wave(0.0), 0.0)
+    }
+
+    /// Eight nodes that follow it by shifts alone, and the poses of the whole.
+    fn swims(speed: f64) -> (Body, Poses) {
+        let s: Vec<f64> = (0..45).map(|k| f64::from(k) / 59.0).collect();
+        let columns: Vec<Vec<f64>> =
+            (0..SPAN.columns()).map(|k| s.iter().map(|s| free(SPAN.times, SPAN.knots, *s)[k]).collect()).collect();
+        let node = |k: usize| {
+            let x = k as f64 / 7.0;
+            let first = swimmer(x, 0.0, speed);
+            let mut motion = vec![[0.0; MOTION]; SPAN.columns()];
+            for axis in 0..3 {
+                let values: Vec<f64> = s.iter().map(|s| (swimmer(x, *s, speed) - first)[axis]).collect();
+                let solved = damped(&columns, &values, 1e-12).expect("a solution");
+                motion.iter_mut().zip(solved).for_each(|(six, x)| six[axis] = x);
+            }
+            (NodeFrame { centre: first.to_array(), width: 0.1, body: 0 }, motion)
+        };
+        let frame = BodyFrame { centre: [0.5, 0.0, 0.0], law: Law::of(&[]), since: SPAN.times[1], rhythms: 0 };
+        let body = Body { nodes: (0..8).map(node).collect(), ..Body::of(frame, LawValues::REST) };
+        let middle = |s: f64| (0..8).map(|k| swimmer(f64::from(k) / 7.0, s, speed)).sum::<DVec3>() / 8.0;
+        let pose = |s: &f64| (*s, BodyPose { rotation: DQuat::IDENTITY, centre: middle(*s) });
+        let poses = Poses {
+            first: middle(0.0),
+            size: 0.3,
+            poses: s.iter().map(pose).collect(),
+            independent: 11.0,
+            noise: 1e-3,
+        };
+        (body, poses)
+    }
+
+    #[test]
+    fn a_wave_and_the_way_of_the_whole_are_found() {
+        for (speed, law) in [(0.0, Law::of(&[])), (0.8, Law::of(&[Term::Velocity]))] {
+            let (own, poses) = swims(speed);
+            let found = bent(&own, &poses, &SPAN);
+            assert_eq!(found.body.frame.law, law, "{:?}", found.body.rates);
+            let nearest = found.body.rates.iter().map(|rate| (rate / std::f64::consts::TAU - 1.5).abs());
+            assert!(nearest.fold(f64::INFINITY, f64::min) < 0.1, "{:?}", found.body.rates);
+            assert!(found.foreseen < 0.1, "{} of an amplitude of 0.2", found.foreseen);
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! Oscillations that many quantities share: sums of sines of a few common rates.
+//!
+//! What bends goes to and fro: a wave along a body, a wing, a swimmer's tail have few rates, and each place its own
+//! amplitudes and phases.
+
+use super::least_squares::damped;
+
+/// Rates tried for each new oscillation.
+const TRIED: usize = 64;
+
+/// Smallest share of a period in the observed time. Less of one is not told from an even motion.
+const PERIODS_LEAST: f64 = 0.4;
+
+/// Frames of the shortest period.
+const FRAMES_LEAST: f64 = 6.0;
+
+/// Steps of the search for the rates: it converges in about ten.
+const ITERATIONS: usize = 30;
+
+/// Share of the misfit by which a step of it must gain to go on.
+const CONVERGED: f64 = 1e-6;
+
+/// Share of a column's square that is added to it while rates are looked for: more would bend them.
+const SEARCH_RIDGE: f64 = 1e-4;
+
+/// Factor by which a periodic motion may leave more than free rates: it has one rate, which a short time tells better.
+const PERIODIC: f64 = 1.3;
+
+/// Step of a derivative by the logarithm of a rate: its error is then some 1e-9 of it.
+const DIFFERENCE: f64 = 1e-6;
+
+/// Oscillations of several quantities.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Rhythm {
+    /// Radians per unit of time.
+    pub rates: Vec<f64>,
+    /// For each quantity the amplitudes of `sin(w s)` by rate, then of `cos(w s) - 1`.
+    pub amplitudes: Vec<Vec<f64>>,
+}
+
+impl Rhythm {
+    /// `count` oscillations of quantities whose values at times `s` since the first frame, at which they are 0, are the
+    /// rows of `data`: a periodic motion (one rate and its multiples) where that leaves hardly more than free rates.
+    pub fn fit(s: &[f64], data: &[Vec<f64>], count: usize) -> Self {
+        let span = s.last().copied().unwrap_or(0.0).max(f64::MIN_POSITIVE);
+        let least = PERIODS_LEAST * std::f64::consts::TAU / span;
+        let range = [least, (std::f64::consts::TAU * s.len() as f64 / (FRAMES_LEAST * span)).max(least)];
+        let seen = Seen { s, data, range };
+        let mut free: Vec<f64> = Vec::new();
+        for _ in 0..count {
+            let with = |rate: f64| free.iter().copied().chain([rate]).collect::<Vec<f64>>();
+            free = seen.refined(seen.first(with), <[f64]>::to_vec);
+        }
+        let series = |first: &[f64]| (1..=count).flat_map(|k| first.iter().map(move |rate| k as f64 * rate)).collect();
+        let periodic = series(&seen.refined(seen.first(|rate| series(&[rate])).into_iter().take(1).collect(), series));
+        let is_periodic = count > 1 && seen.misfit(&periodic) <= PERIODIC * seen.misfit(&free);
+        let rates = if is_periodic { periodic } else { free };
+        // Less than a period of an oscillation is near an even motion, so that two of them may take large amplitudes
+        // against each other: amplitudes are held against the share of the values that they leave.
+        let all = data.iter().flatten().map(|x| x * x).sum::<f64>().max(f64::MIN_POSITIVE);
+        let amplitudes = seen.solved(&rates, seen.misfit(&rates) / all);
+        Self { rates, amplitudes }
+    }
+
+    /// The value of each quantity at `s`.
+    pub fn at(&self, s: f64) -> Vec<f64> {
+        let basis = basis(s, &self.rates);
+        self.amplitudes.iter().map(|own| own.iter().zip(&basis).map(|(a, b)| a * b).sum()).collect()
+    }
+}
+
+fn basis(s: f64, rates: &[f64]) -> Vec<f64> {
+    rates.iter().map(|rate| (rate * s).sin()).chain(rates.iter().map(|rate| (rate * s).cos() - 1.0)).collect()
+}
+
+/// Quantities over the seen time.
+struct Seen<'a> {
+    s: &'a [f64],
+    data: &'a [Vec<f64>],
+    /// Least and largest rate.
+    range: [f64; 2],
+}
+
+impl Seen<'_> {
+    /// Of the rates `with` one more, tried over the range, those that leave least.
+    fn first(&self, with: impl Fn(f64) -> Vec<f64>) -> Vec<f64> {
+        let [least, most] = self.range;
+        let tried = (0..TRIED).map(|k| with(least * (most / least).powf(k as f64 / (TRIED - 1) as f64)));
+        let tried = tried.map(|rates| (self.misfit(&rates), rates));
+        tried.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |(_, rates)| rates)
+    }
+
+    /// The best amplitudes of each quantity for given rates.
+    fn solved(&self, rates: &[f64], ridge: f64) -> Vec<Vec<f64>> {
+        let rows: Vec<Vec<f64>> = self.s.iter().map(|s| basis(*s, rates)).collect();
+        let columns: Vec<Vec<f64>> = (0..2 * rates.len()).map(|k| rows.iter().map(|row| row[k]).collect()).collect();
+        self.data.iter().map(|own| damped(&columns, own, ridge).unwrap_or_else(|| vec![0.0; columns.len()])).collect()
+    }
+
+    /// What oscillations of given rates leave of each value.
+    fn residuals(&self, rates: &[f64]) -> Vec<f64> {
+        let rows: Vec<Vec<f64>> = self.s.iter().map(|s| basis(*s, rates)).collect();
+        let value = |own: &[f64], row: &[f64]| own.iter().zip(row).map(|(a, b)| a * b).sum::<f64>();
+        let of = |(own, values): (Vec<f64>, &Vec<f64>)| {
+            rows.iter().zip(values).map(|(row, x)| value(&own, row) - x).collect::<Vec<f64>>()
+        };
+        self.solved(rates, SEARCH_RIDGE).into_iter().zip(self.data).flat_map(of).collect()
+    }
+
+    fn misfit(&self, rates: &[f64]) -> f64 {
+        self.residuals(rates).iter().map(|x| x * x).sum()
+    }
+
+    /// Levenberg and Marquardt's method over the logarithms of the numbers of which `rates` makes the rates, the
+    /// amplitudes being the best ones for each (variable projection).
+    fn refined(&self, mut numbers: Vec<f64>, rates: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
+        let [least, most] = self.range;
+        let moved = |numbers: &[f64], change: &[f64]| -> Vec<f64> {
+            numbers.iter().zip(change).map(|(x, by)| (x * (-by).exp()).clamp(least, most)).collect()
+        };
+        let (mut damping, mut base) = (1e-3, self.residuals(&rates(&numbers)));
+        for _ in 0..ITERATIONS {
+            let sum: f64 = base.iter().map(|x| x * x).sum();
+            let column = |k: usize| -> Vec<f64> {
+                let mut change = vec![0.0; numbers.len()];
+                change[k] = -DIFFERENCE;
+                let after = self.residuals(&rates(&moved(&numbers, &change)));
+                after.iter().zip(&base).map(|(after, before)| (after - before) / DIFFERENCE).collect()
+            };
+            let columns: Vec<Vec<f64>> = (0..numbers.len()).map(column).collect();
+            let Some(change) = damped(&columns, &base, damping) else { break };
+            let next = moved(&numbers, &change);
+            let after = self.residuals(&rates(&next));
+            let left: f64 = after.iter().map(|x| x * x).sum();
+            if left < sum {
+                (numbers, base) = (next, after);
+                damping = (0.3 * damping).max(1e-9);
+                if left > (1.0 - CONVERGED) * sum {
+                    break;
+                }
+            } else {
+                damping *= 10.0;
+            }
+        }
+        numbers
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Six places along a wave of two rates, seen for 1.1 and 0.56 periods, as `bend` says.
+    fn wave(s: f64) -> Vec<f64> {
+        let one = |place: usize| {
+            let (x, tau) = (place as f64 / 5.0, std::f64::consts::TAU);
+            let yaw = x * (tau * (1.5 * s - 1.1 * x)).sin();
+            let pitch = 0.4 * x * (tau * (0.75 * s - 0.3 * x)).sin();
+            yaw + pitch
+        };
+        let first = |place: usize| {
+            one(place) - {
+                let (x, tau) = (place as f64 / 5.0, std::f64::consts::TAU);
+                x * (-tau * 1.1 * x).sin() + 0.4 * x * (-tau * 0.3 * x).sin()
+            }
+        };
+        (0..6).map(first).collect()
+    }
+
+    #[test]
+    fn a_travelling_wave_is_foreseen() {
+        let s: Vec<f64> = (0..45).map(|k| f64::from(k) / 59.0).collect();
+        let rows: Vec<Vec<f64>> = s.iter().map(|s| wave(*s)).collect();
+        let data: Vec<Vec<f64>> = (0..6).map(|k| rows.iter().map(|row| row[k]).collect()).collect();
+        let rhythm = Rhythm::fit(&s, &data, 2);
+        let mut rates: Vec<f64> = rhythm.rates.iter().map(|rate| rate / std::f64::consts::TAU).collect();
+        rates.sort_by(f64::total_cmp);
+        assert!((rates[0] - 0.75).abs() < 0.02 && (rates[1] - 1.5).abs() < 0.02, "{rates:?}");
+        for (own, truth) in rhythm.at(1.0).iter().zip(wave(1.0)) {
+            assert!((own - truth).abs() < 0.03, "{own} for {truth}");
+        }
+    }
+
+    #[test]
+    fn what_rests_has_no_amplitude() {
+        let s = [0.0, 0.1, 0.2];
+        let rhythm = Rhythm::fit(&s, &[vec![0.0; 3]], 1);
+        assert_eq!(rhythm.at(0.15), [0.0]);
+        assert_eq!(Rhythm::fit(&s, &[], 0), Rhythm::default());
+    }
+}
