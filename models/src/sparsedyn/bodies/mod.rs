@@ -1,9 +1,10 @@
-//! Rigid bodies with laws of motion: what many Gaussians do together costs a body, not its Gaussians.
+//! Bodies with laws of motion: what many Gaussians do together costs a body, not its Gaussians.
 //!
-//! The paper gives every Gaussian a motion of its own by the field. Most scenes hold a few bodies: here Gaussians whose
-//! paths are one rigid motion are found ([`mod@segment`]), and each body gets the simplest law ([`mod@law`],
-//! [`mod@fit`]) that its poses bear out by BIC. A law says what the body does next; a field says so only as far as its
-//! network happens to. What is no rigid body stays with the field.
+//! The paper gives every Gaussian a motion of its own by the field. Most scenes hold a few bodies. While frames come to
+//! light a body moves freely and its nodes bend it ([`motion`], [`nodes`]). Then each body, or rigid part of one
+//! ([`mod@segment`]), gets the simplest law ([`mod@law`], [`mod@fit`]) that its poses bear out by BIC, from the time on
+//! at which it holds ([`phases`]); what bends gets oscillations ([`bending`]). A law says what the body does next; a
+//! field says so only as far as its network happens to.
 //!
 //! | file | holds |
 //! |---|---|

@@ -9,17 +9,22 @@ use gs_burn::glam::DVec3;
 use gs_datasets::View;
 use gs_models::sparsedyn::Phase;
 use gs_models::sparsedyn::bodies::parts::divided;
-use gs_models::sparsedyn::bodies::{Bodies, Body, BodyFrame, Law, LawValues, NodeFrame, Term, select_law};
+use gs_models::sparsedyn::bodies::{
+    Bodies, Body, BodyFrame, Law, LawValues, NodeFrame, SegmentOptions, Term, segment, select_law,
+};
 
 use super::config::{BodiesConfig, BodyUse, MotionModel};
 use super::count::{bodies_at, laws_at};
 use super::cues::warmup_steps;
 use super::evidence::may_move;
 use super::laws::with_laws;
-use super::poses::{middle, paths, pixel_size, poses_of, vectors, weights_of};
+use super::poses::{middle, paths, pixel_size, poses_of, rests, vectors, weights_of};
 use super::update::forget;
 use super::{Sparsedyn, Step};
 use gs_train::fit::parameters::to_host;
+
+/// Searches for bodies.
+const EXAMINATIONS: usize = 8;
 
 /// Fewest Gaussians of a body: fewer do not determine a rotation in the noise of their positions.
 const FEWEST: usize = 12;
@@ -33,9 +38,26 @@ const NODE_WIDTH: f64 = 0.6;
 /// Gaussians of one body lie within this many times the median distance to the nearest one.
 const LINK: f64 = 3.0;
 
-/// Change of the distance of two such Gaussians, as a share of the largest at which they are linked, that is allowed
-/// beside the noise of a pose: neighbours in a body that bends move nearly alike.
-const STRETCH: f64 = 0.15;
+/// Times at which paths are compared with a rigid motion.
+const PATH_TIMES: usize = 12;
+
+/// Share of a Gaussian's distance from where it began that is added to the tolerance of a rigid group: the error of a
+/// path grows with its length.
+const TOLERANCE_SHARE: f64 = 0.08;
+
+/// Most rigid groups.
+const MOST: usize = 12;
+
+/// Smallest share of a rigid group among the Gaussians that move.
+const SHARE_LEAST: f64 = 0.02;
+
+/// Difference of the ways of two such Gaussians that is allowed, as a share of the longer one, beside the noise of
+/// both: paths of the field err by a tenth of their length, and neighbours in a body that bends move nearly alike; what
+/// one of them leaves behind differs by the way itself.
+const UNLIKE_SHARE: f64 = 0.25;
+
+/// Largest distance of a path from the motion of its rigid group, pixels, where the path begins.
+const GROUP_PIXELS: f64 = 2.0;
 
 /// The model after the events of a step: bodies are found, and given laws.
 pub fn evolved(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
@@ -45,8 +67,10 @@ pub fn evolved(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, vie
     if at.config.method.bodies.mode == BodyUse::Field || model.model != MotionModel::Rollout {
         return model;
     }
-    if at.step == bodies_at(at.config) {
-        model = with_bodies(model, gaussians, adam, views, at);
+    let examinations = examinations(at);
+    if examinations.contains(&at.step) {
+        let is_last = examinations.last() == Some(&at.step);
+        model = with_bodies(model, gaussians, adam, views, (at, is_last));
     }
     if at.step == laws_at(at.config) {
         model = with_laws(model, gaussians, adam, views, at);
@@ -54,53 +78,103 @@ pub fn evolved(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, vie
     model
 }
 
-/// Finds bodies among the Gaussians that may move: neighbours that keep their distance while the field moves them.
-/// What rests may only be slow to begin, so that it gets bodies too.
-fn with_bodies(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
-    let config = &at.config.method.bodies;
-    if model.frame.rows.len() < FEWEST || at.cues.times.len() < 2 {
+/// The steps at which bodies are looked for, until all frames are seen: what begins to move late is found late.
+pub(super) fn examinations(at: &Step) -> Vec<usize> {
+    let (first, laws) = (bodies_at(at.config), laws_at(at.config));
+    let all_seen = warmup_steps(at.config) + at.cues.curriculum(at.config).long_from();
+    let last = all_seen.clamp(first, laws.saturating_sub(1).max(first));
+    let mut steps: Vec<usize> = (0..EXAMINATIONS).map(|k| first + (last - first) * k / (EXAMINATIONS - 1)).collect();
+    steps.dedup();
+    steps
+}
+
+/// Finds bodies among the Gaussians that the field moves: neighbours that move alike. Before the last
+/// examination what rests stays with the field, because it may only be slow to begin.
+fn with_bodies(
+    mut model: Sparsedyn,
+    gaussians: &Gaussians,
+    adam: &mut Adam,
+    views: &[View],
+    (at, is_last): (&Step, bool),
+) -> Sparsedyn {
+    let (config, still) = (&at.config.method.bodies, at.config.method.moving.still_pixels);
+    let free: Vec<usize> = (0..model.frame.rows.len()).filter(|i| model.frame.labels[*i] < 0).collect();
+    if free.len() < FEWEST || at.cues.times.len() < 2 {
         return model;
     }
     let seen = seen_times(at);
-    let all = paths(&model, &model.first_positions(gaussians), seen);
-    let everything: Vec<usize> = (0..model.frame.rows.len()).collect();
-    let weights = weights_of(&model, gaussians, &everything);
+    let of_free = |time: Vec<DVec3>| free.iter().map(|i| time[*i]).collect::<Vec<DVec3>>();
+    let all: Vec<Vec<DVec3>> =
+        paths(&model, &model.first_positions(gaussians), seen).into_iter().map(of_free).collect();
+    let weights = weights_of(&model, gaussians, &free);
     let pixel = pixel_size(views, middle(&all[0], &weights));
-    model.frame.labels = linked(&all, config.noise_pixels * pixel, FEWEST);
-    model.frame.pixel = pixel;
-    model.frame.knots = (at.cues.times.len() as f64 / config.knot_frames).ceil() as usize + 2;
-    let count = model.frame.labels.iter().max().map_or(0, |most| *most + 1);
-    let found = |label: i32| {
-        let members: Vec<usize> = everything.iter().copied().filter(|i| model.frame.labels[*i] == label).collect();
+    let groups = rigid_groups(&all, &weights, seen, (pixel, still * pixel));
+    let labels = linked(&all, &groups, 2.0 * config.noise_pixels * pixel, FEWEST);
+    let mut bodies = model.bodies.as_ref().map(Bodies::all).unwrap_or_default();
+    let known = bodies.len();
+    for label in 0..labels.iter().max().map_or(0, |most| *most + 1) {
+        let members: Vec<usize> = (0..free.len()).filter(|i| labels[*i] == label).collect();
         let poses = poses_of(&all, &members, &weights, seen, config.noise_pixels * pixel);
+        if !is_last && rests(&poses, still * pixel) {
+            continue;
+        }
         // A few frames bear out few terms, and a wild guess of the others is lost in the next frames.
         let fitted = select_law(&poses, &Law::SMOOTH);
         let places: Vec<DVec3> = members.iter().map(|i| all[0][*i]).collect();
         let (centre, since) = (poses.first.to_array(), model.frame.span[1]);
-        Body {
+        let nodes = nodes_of(&places, bodies.len(), config).into_iter().map(|node| (node, Vec::new()));
+        members.iter().for_each(|i| model.frame.labels[free[*i]] = bodies.len() as i32);
+        bodies.push(Body {
             frame: BodyFrame { centre, law: Law::of(&[]), since, rhythms: 0 },
             values: LawValues::REST,
             free: fitted.map_or_else(Vec::new, |fitted| free_of(&fitted.values)),
             rates: Vec::new(),
-            nodes: nodes_of(&places, label as usize, config).into_iter().map(|node| (node, Vec::new())).collect(),
-        }
-    };
-    let found: Vec<Body> = (0..count).map(found).collect();
-    let model = model.with_all(&found, &gaussians.device());
+            nodes: nodes.collect(),
+        });
+    }
+    if bodies.len() == known {
+        return model;
+    }
+    model.frame.pixel = pixel;
+    model.frame.knots = (at.cues.times.len() as f64 / config.knot_frames).ceil() as usize + 2;
+    let model = model.with_all(&bodies, &gaussians.device());
     forget(adam);
     tracing::info!(
         step = at.step,
         bodies = model.frame.bodies.len(),
         nodes = model.frame.nodes.len(),
-        gaussians = model.frame.labels.len(),
+        of_bodies = model.frame.labels.iter().filter(|label| **label >= 0).count(),
         "bodies were looked for"
     );
     model
 }
 
-/// The body of each Gaussian, from 0 on: the connected groups of neighbours that keep their distance along `paths` to
-/// `noise`, scene units. Groups of fewer than `fewest` go with the nearest larger one.
-fn linked(paths: &[Vec<DVec3>], noise: f64, fewest: usize) -> Vec<i32> {
+/// The rigid group of each Gaussian that moves along `paths`; `None` for what rests, which is no evidence of one body,
+/// and for what follows no rigid motion.
+fn rigid_groups(paths: &[Vec<DVec3>], weights: &[f64], times: &[f64], (pixel, still): (f64, f64)) -> Vec<Option<u32>> {
+    let step = paths.len().div_ceil(PATH_TIMES).max(1);
+    let sampled: Vec<Vec<DVec3>> = paths.iter().step_by(step).cloned().collect();
+    let options = SegmentOptions {
+        tolerance: GROUP_PIXELS * pixel,
+        relative: TOLERANCE_SHARE,
+        most: MOST,
+        fewest: FEWEST,
+        share: SHARE_LEAST,
+    };
+    let mut groups = segment(&sampled, weights, &options);
+    for group in 0..groups.iter().flatten().max().map_or(0, |most| *most + 1) {
+        let members: Vec<usize> = (0..groups.len()).filter(|i| groups[*i] == Some(group)).collect();
+        if !members.is_empty() && rests(&poses_of(paths, &members, weights, times, 0.0), still) {
+            members.iter().for_each(|i| groups[*i] = None);
+        }
+    }
+    groups
+}
+
+/// The body of each Gaussian, from 0 on: the connected groups of neighbours that move alike along `paths`,
+/// which err by `noise`, scene units, and of Gaussians of one rigid group. Groups of fewer than `fewest` go with the
+/// nearest larger one.
+fn linked(paths: &[Vec<DVec3>], groups: &[Option<u32>], noise: f64, fewest: usize) -> Vec<i32> {
     let Some(first) = paths.first() else { return Vec::new() };
     let count = first.len();
     let nearest = |i: usize| {
@@ -108,9 +182,13 @@ fn linked(paths: &[Vec<DVec3>], noise: f64, fewest: usize) -> Vec<i32> {
         others.map(|j| first[i].distance_squared(first[j])).fold(f64::INFINITY, f64::min).sqrt()
     };
     let link = LINK * median((0..count).map(nearest).collect()).unwrap_or(0.0);
+    let move_alike = |now: &[DVec3], i: usize, j: usize| {
+        let way = now[i].distance(first[i]).max(now[j].distance(first[j]));
+        (now[i] - first[i]).distance(now[j] - first[j]) <= noise + UNLIKE_SHARE * way
+    };
     let are_linked = |i: usize, j: usize| {
-        let apart = first[i].distance(first[j]);
-        apart <= link && paths.iter().all(|now| (now[i].distance(now[j]) - apart).abs() <= 2.0 * noise + STRETCH * link)
+        let is_near = first[i].distance(first[j]) <= link;
+        groups[i].is_some() && groups[i] == groups[j] || is_near && paths.iter().all(|now| move_alike(now, i, j))
     };
     let mut labels = vec![-1; count];
     let mut sizes: Vec<usize> = Vec::new();
@@ -231,13 +309,16 @@ mod tests {
             let shift = |i: usize| DVec3::Y * if (20..40).contains(&i) { by } else { 0.0 };
             first.iter().enumerate().map(|(i, at)| *at + shift(i)).collect()
         };
-        assert_eq!(linked(&[first.clone(), moved(0.01)], 0.01, 12), [0; 41]);
-        let apart = linked(&[first.clone(), moved(0.01), moved(0.5)], 0.01, 12);
+        let alone = [None; 41];
+        assert_eq!(linked(&[first.clone(), moved(0.01)], &alone, 0.01, 12), [0; 41]);
+        let paths = [first.clone(), moved(0.01), moved(0.5)];
+        let apart = linked(&paths, &alone, 0.01, 12);
         assert!(
             apart[..20].iter().all(|label| *label == 0) && apart[20..].iter().all(|label| *label == 1),
             "{apart:?}"
         );
-        assert!(linked(&[], 0.01, 12).is_empty());
-        assert_eq!(linked(&[first[..3].to_vec()], 0.01, 12), [0; 3], "few are one body");
+        assert_eq!(linked(&paths, &[Some(3); 41], 0.01, 12), [0; 41], "one rigid group");
+        assert!(linked(&[], &[], 0.01, 12).is_empty());
+        assert_eq!(linked(&[first[..3].to_vec()], &alone[..3], 0.01, 12), [0; 3], "few are one body");
     }
 }

@@ -2,7 +2,9 @@
 
 use gs_burn::{Gaussians, parameter_bytes, render};
 use gs_datasets::{Scene, View};
+use gs_models::DynamicScene;
 
+use super::scene::RolledScene;
 use super::{Config, Sparsedyn, Step};
 use gs_train::fit::figure::{Figure, Figures};
 use gs_train::fit::parameters::to_host;
@@ -32,9 +34,8 @@ fn future_and_held(model: &Sparsedyn, gaussians: &Gaussians, views: &[View], at:
     let last = model.frame.span[1];
     let time = |view: &View| model.frame.clock.inner(view.time.unwrap_or(0.0));
     let later: Vec<&View> = views.iter().filter(|view| time(view) > last).collect();
-    let first = model.first_positions(gaussians);
-    let placed = |time: f64| model.placed(gaussians, &model.moved(&first, &[time]).remove(0));
-    let held = placed(last);
+    let scene = RolledScene { gaussians: gaussians.clone(), method: model.clone() };
+    let held = scene.at(model.frame.clock.outer(last));
     let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
     let psnr = |scene: &Gaussians, view: &View| {
         let image = to_host(render(scene, &camera(view, &gaussians.device()), &options).color);
@@ -46,7 +47,7 @@ fn future_and_held(model: &Sparsedyn, gaussians: &Gaussians, views: &[View], at:
         let (sum, count) = counted.map(error).fold((0.0, 0.0), |(sum, count), error| (sum + error, count + 1.0));
         -10.0 * (sum / count).log10()
     };
-    let both = later.iter().map(|view| [psnr(&placed(time(view)), view), psnr(&held, view)]);
+    let both = later.iter().map(|view| [psnr(&scene.at(view.time.unwrap_or(0.0)), view), psnr(&held, view)]);
     let both: Vec<[f64; 2]> = both.filter(|both| both.iter().all(|x| x.is_finite())).collect();
     let of = |which: usize| both.iter().map(|both| both[which]).sum::<f64>() / both.len() as f64;
     (!both.is_empty()).then(|| [of(0), of(1)])

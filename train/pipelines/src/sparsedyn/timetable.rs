@@ -6,8 +6,9 @@ use gs_models::sparsedyn::Phase;
 
 use super::Step;
 use super::config::{BodyUse, MotionModel};
-use super::count::{bodies_at, laws_at};
+use super::count::laws_at;
 use super::cues::warmup_steps;
+use super::discover::examinations;
 use super::model::Frame;
 use super::order::Progressive;
 use gs_train::fit::sampler::ViewOrder;
@@ -64,17 +65,18 @@ pub fn lines(frame: &Frame, at: &Step) -> Vec<String> {
         ));
     }
     lines.extend(events(at).map(|events| {
-        let [found, laws] = events;
-        format!("schedule: bodies are looked for at step {found}, and get their laws at step {laws}")
+        let (found, laws) = (&events.0, events.1);
+        let (first, last) = (found.first().copied().unwrap_or(0), found.last().copied().unwrap_or(0));
+        format!("schedule: bodies are looked for from step {first} to {last}, and get their laws at step {laws}")
     }));
     lines
 }
 
 /// The steps at which bodies are looked for and get their laws; `None` where there are none.
-fn events(at: &Step) -> Option<[usize; 2]> {
+fn events(at: &Step) -> Option<(Vec<usize>, usize)> {
     let sections = &at.config.method;
     let has_bodies = sections.bodies.mode != BodyUse::Field && sections.dynamics.model == MotionModel::Rollout;
-    has_bodies.then(|| [bodies_at(at.config), laws_at(at.config)])
+    has_bodies.then(|| (examinations(at), laws_at(at.config)))
 }
 
 /// The last time of the window and the times that are drawn, over steps, with the events.
@@ -94,9 +96,9 @@ pub fn curves(scene: &Scene, at: &Step) -> Timetable {
     let warmup = warmup_steps(config);
     let mut marks = vec![mark("motion begins", vec![warmup])];
     marks.extend(
-        events(at).into_iter().flat_map(|events| {
-            [mark("bodies are looked for", vec![events[0]]), mark("laws are chosen", vec![events[1]])]
-        }),
+        events(at)
+            .into_iter()
+            .flat_map(|events| [mark("bodies are looked for", events.0), mark("laws are chosen", vec![events.1])]),
     );
     let mut curves = vec![curve("end of the window", horizon(at), true), curve("time compared", drawn, false)];
     if !replayed.is_empty() {

@@ -228,8 +228,8 @@ fn the_spread_of_a_rotating_body_grows_with_the_horizon() {
 #[test]
 fn the_spread_of_the_field_is_that_of_the_noise_while_it_is_seen() {
     let future = future(false);
-    // Half a pixel at a distance of 4 with a focal length of 100 pixels.
-    assert!((future.noise() - 0.02).abs() < 1e-6);
+    // 0.3 pixels at a distance of 4 with a focal length of 100 pixels.
+    assert!((future.noise() - 0.012).abs() < 1e-6);
     let seen: Vec<f64> = (0..=45).map(|k| f64::from(k) / 60.0).collect();
     let spread = Spread::of(&future.members(MEMBERS).expect("members"), &[&seen[..], &[1.5]].concat());
     let rows: Vec<u32> = (10..40).collect();
