@@ -37,8 +37,8 @@ pub struct Bent {
     pub foreseen: f64,
 }
 
-/// The law of the body `own`, whose Gaussians as one rigid body have `poses`; of the laws and numbers of oscillations
-/// the one that foresees the last part of the seen time best from the others.
+/// The law of the body `own`, whose Gaussians as one rigid body have `poses`: the law of its whole and the number of
+/// oscillations of the least score.
 pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
     let seen: Vec<(f64, Vec<BodyPose>)> =
         poses.poses.iter().map(|(s, _)| (*s, own.node_poses(span, span.times[0] + s))).collect();
@@ -47,10 +47,10 @@ pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
     let mut best: Option<(f64, f64, Law, usize)> = None;
     for law in WHOLE {
         let (Some(values), Some(before)) = (values_of(poses, law), values_of(&early, law)) else { continue };
-        let [whole, before] = [values, before].map(|values| Whole { nodes: &own.nodes, values, first: poses.first });
+        let [whole, before] = [values, before].map(|values| within(&own.nodes, values, poses.first, &seen));
         for count in 0..=RHYTHMS {
-            let left = whole.apart(&whole.rhythm(&seen, count), &seen);
-            let foreseen = before.apart(&before.rhythm(&seen[..known], count), &seen[known - 1..]);
+            let left = apart(&rhythm(&whole, count), &whole);
+            let foreseen = apart(&rhythm(&before[..known], count), &before[known - 1..]);
             let score = score(poses, law, count, [left, foreseen]);
             if best.is_none_or(|(least, ..)| score < least) {
                 best = Some((score, foreseen, law, count));
@@ -59,10 +59,10 @@ pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
     }
     let (_, foreseen, law, count) = best.unwrap_or((0.0, f64::INFINITY, Law::of(&[]), 0));
     let values = values_of(poses, law).unwrap_or(LawValues::REST);
-    let whole = Whole { nodes: &own.nodes, values, first: poses.first };
-    let rhythm = whole.rhythm(&seen, count);
+    let whole = within(&own.nodes, values, poses.first, &seen);
+    let rhythm = rhythm(&whole, count);
     let frame = BodyFrame { centre: poses.first.to_array(), law, since: span.times[0], rhythms: count as u32 };
-    let rest = whole.rest(&rhythm, &seen, span);
+    let rest = rest(&rhythm, &whole, span);
     let of = |(index, (node, _)): (usize, &(NodeFrame, _))| (node.clone(), columns(&rhythm, &rest, span, node, index));
     let nodes = own.nodes.iter().enumerate().map(of).collect();
     Bent { body: Body { frame, values, free: Vec::new(), rates: rhythm.rates, nodes }, foreseen }
@@ -83,67 +83,63 @@ fn values_of(poses: &Poses, law: Law) -> Option<LawValues> {
     if law == Law::of(&[]) { Some(LawValues::REST) } else { fit_law(poses, law).map(|fitted| fitted.values) }
 }
 
-/// The law of a whole, whose nodes go to and fro.
-struct Whole<'a> {
-    nodes: &'a [(NodeFrame, Vec<[f64; MOTION]>)],
+/// Times since the first frame, and shifts and rotation vectors of the nodes there in the frame of a law.
+type Within = [(f64, Vec<f64>)];
+
+/// `seen` in the frame of the law of the whole, whose centre was at `first`; rotations are in scene units, by the width
+/// of a node.
+fn within(
+    nodes: &[(NodeFrame, Vec<[f64; MOTION]>)],
     values: LawValues,
     first: DVec3,
-}
-
-impl Whole<'_> {
-    /// Shifts and rotation vectors of the nodes in the frame of the law, at `s`; rotations are in scene units, by the
-    /// width of a node.
-    fn within(&self, s: f64, poses: &[BodyPose]) -> Vec<f64> {
-        let law = self.values.pose(self.first, s);
+    seen: &[(f64, Vec<BodyPose>)],
+) -> Vec<(f64, Vec<f64>)> {
+    let at = |(s, poses): &(f64, Vec<BodyPose>)| {
+        let law = values.pose(first, *s);
         let back = law.rotation.inverse();
         let of = |(pose, (node, _)): (&BodyPose, &(NodeFrame, _))| {
-            let place = back * (pose.centre - law.centre) + self.first;
+            let place = back * (pose.centre - law.centre) + first;
             let turn = (back * pose.rotation).to_scaled_axis() * node.width;
             [(place - DVec3::from_array(node.centre)).to_array(), turn.to_array()].concat()
         };
-        poses.iter().zip(self.nodes).flat_map(of).collect()
-    }
+        (*s, poses.iter().zip(nodes).flat_map(of).collect())
+    };
+    seen.iter().map(at).collect()
+}
 
-    fn rhythm(&self, seen: &[(f64, Vec<BodyPose>)], count: usize) -> Rhythm {
-        let rows: Vec<Vec<f64>> = seen.iter().map(|(s, poses)| self.within(*s, poses)).collect();
-        let s: Vec<f64> = seen.iter().map(|(s, _)| *s).collect();
-        let quantities = rows.first().map_or(0, Vec::len);
-        let data: Vec<Vec<f64>> =
-            (0..quantities).map(|k| rows.iter().map(|row| row[k] - rows[0][k]).collect()).collect();
-        Rhythm::fit(&s, &data, count)
-    }
+fn rhythm(rows: &Within, count: usize) -> Rhythm {
+    let Some((_, first)) = rows.first() else { return Rhythm::default() };
+    let s: Vec<f64> = rows.iter().map(|(s, _)| *s).collect();
+    let of = |k: usize| rows.iter().map(|(_, row)| row[k] - first[k]).collect();
+    let data: Vec<Vec<f64>> = (0..first.len()).map(of).collect();
+    Rhythm::fit(&s, &data, count)
+}
 
-    /// For each quantity the steps of a free motion that say what `rhythm` leaves of the seen time.
-    fn rest(&self, rhythm: &Rhythm, seen: &[(f64, Vec<BodyPose>)], span: &Span) -> Vec<Vec<f64>> {
-        let basis: Vec<Vec<f64>> = seen.iter().map(|(s, _)| free(span.times, span.knots, span.times[0] + s)).collect();
-        let column = |k: usize| basis.iter().map(|values| values[EVEN + k]).collect();
-        let columns: Vec<Vec<f64>> = (0..span.knots).map(column).collect();
-        let rows: Vec<Vec<f64>> = seen
-            .iter()
-            .map(|(s, poses)| self.within(*s, poses).iter().zip(rhythm.at(*s)).map(|(x, y)| x - y).collect())
-            .collect();
-        (0..rows.first().map_or(0, Vec::len))
-            .map(|k| {
-                let values: Vec<f64> = rows.iter().map(|row| row[k]).collect();
-                damped(&columns, &values, SMALL).unwrap_or_else(|| vec![0.0; columns.len()])
-            })
-            .collect()
-    }
+/// For each quantity the steps of a free motion that say what `rhythm` leaves of the seen time.
+fn rest(rhythm: &Rhythm, rows: &Within, span: &Span) -> Vec<Vec<f64>> {
+    let basis: Vec<Vec<f64>> = rows.iter().map(|(s, _)| free(span.times, span.knots, span.times[0] + s)).collect();
+    let column = |k: usize| basis.iter().map(|values| values[EVEN + k]).collect();
+    let columns: Vec<Vec<f64>> = (0..span.knots).map(column).collect();
+    let left: Vec<Vec<f64>> = rows.iter().map(|(s, row)| less(row, &rhythm.at(*s))).collect();
+    let solved = |k: usize| {
+        let values: Vec<f64> = left.iter().map(|row| row[k]).collect();
+        damped(&columns, &values, SMALL).unwrap_or_else(|| vec![0.0; columns.len()])
+    };
+    (0..left.first().map_or(0, Vec::len)).map(solved).collect()
+}
 
-    /// Root mean square distance of the nodes from where `rhythm` has them, which goes on from the first of `late`.
-    fn apart(&self, rhythm: &Rhythm, late: &[(f64, Vec<BodyPose>)]) -> f64 {
-        let Some((start, from)) = late.first() else { return f64::INFINITY };
-        let left: Vec<f64> = self.within(*start, from).iter().zip(rhythm.at(*start)).map(|(x, y)| x - y).collect();
-        let (mut sum, mut count) = (0.0, 0.0_f64);
-        for (s, poses) in late {
-            let expected = rhythm.at(*s);
-            for (k, x) in self.within(*s, poses).into_iter().enumerate() {
-                sum += (x - expected[k] - left[k]).powi(2);
-                count += if k % MOTION < 3 { 1.0 / 3.0 } else { 0.0 };
-            }
-        }
-        (sum / count.max(1.0)).sqrt()
-    }
+/// Root mean square distance of the nodes from where `rhythm` has them, which goes on from the first of `late`.
+fn apart(rhythm: &Rhythm, late: &Within) -> f64 {
+    let Some((start, from)) = late.first() else { return f64::INFINITY };
+    let left = less(from, &rhythm.at(*start));
+    // Six quantities are one node's.
+    let nodes = (late.len() * from.len()) as f64 / MOTION as f64;
+    let of = |(s, row): &(f64, Vec<f64>)| less(&less(row, &rhythm.at(*s)), &left).iter().map(|x| x * x).sum::<f64>();
+    (late.iter().map(of).sum::<f64>() / nodes.max(1.0)).sqrt()
+}
+
+fn less(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
 /// The motion of a node by function of time: none even, the steps of what is left, then its sines and its cosines.

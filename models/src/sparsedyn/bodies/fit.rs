@@ -65,8 +65,8 @@ const PERIODS_LEAST: f64 = 0.3;
 /// Rates tried for an oscillation, from the least to one period in four poses.
 const RATES: usize = 48;
 
-/// What a law by which few things move must gain by BIC over others: on its scale 10 is very strong evidence, and laws
-/// are compared by two terms of that scale. A block that falls and turns is nearly one that turns about a point off its
+/// Cost of a law by which few things move, on the scale of BIC: 10 is very strong evidence there, and laws are compared
+/// by two terms of that scale. A block that falls and turns is nearly one that turns about a point off its
 /// middle without falling.
 const RARE: f64 = 20.0;
 

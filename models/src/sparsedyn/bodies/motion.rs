@@ -32,7 +32,7 @@ pub struct BodyFrame {
     /// The time from which the law holds. Before it the body moves freely.
     #[serde(with = "crate::bits")]
     pub since: f64,
-    /// Oscillations of its nodes; 0: they move freely until `since`.
+    /// Oscillations of its nodes beside their free motion, which rests after the seen time.
     pub rhythms: u32,
 }
 
@@ -102,15 +102,10 @@ impl Bodies {
     /// The bodies `all`, whose nodes are numbered in their order.
     pub fn new(all: &[Body], span: Span, device: &Device) -> Self {
         let columns = MOTION * (span.columns() + 2 * RHYTHMS);
-        let scaled = |values: &LawValues| {
-            values.0.iter().zip(scales(span.length)).map(|(x, scale)| (x / scale) as f32).collect::<Vec<_>>()
-        };
         let row = |motion: &[[f64; MOTION]]| {
-            let mut row = vec![0.0_f32; columns];
-            for (to, x) in row.iter_mut().zip(motion.as_flattened().iter().enumerate()) {
-                let scale = if x.0 % MOTION < 3 { span.length } else { 1.0 };
-                *to = (x.1 / scale) as f32;
-            }
+            let scaled = motion.as_flattened().iter().zip(motion_scales(span.length).into_iter().cycle());
+            let mut row: Vec<f32> = scaled.map(|(x, scale)| (x / scale) as f32).collect();
+            row.resize(columns, 0.0);
             row
         };
         let nodes: Vec<_> = all.iter().flat_map(|body| &body.nodes).collect();
@@ -119,7 +114,7 @@ impl Bodies {
             Param::from_tensor(Tensor::from_data(TensorData::new(values, [rows, columns]), device))
         };
         Self {
-            numbers: table(all.iter().flat_map(|body| scaled(&body.values)).collect(), all.len(), NUMBERS),
+            numbers: Param::from_tensor(numbers(all.iter().map(|body| body.values), span.length, device)),
             free: table(all.iter().flat_map(|body| row(&body.free)).collect(), all.len(), columns),
             nodes: table(nodes.iter().flat_map(|(_, motion)| row(motion)).collect(), nodes.len(), columns),
             rates: table(rates.collect(), all.len(), RHYTHMS),
@@ -153,8 +148,8 @@ impl Bodies {
         let width = self.free.dims()[1];
         let motion = |table: &[f64], row: usize| -> Vec<[f64; MOTION]> {
             let row = &table[width * row..width * (row + 1)];
-            let scale = |k: usize| if k < 3 { self.span.length } else { 1.0 };
-            row.as_chunks::<MOTION>().0.iter().map(|six| std::array::from_fn(|k| six[k] * scale(k))).collect()
+            let scale = motion_scales(self.span.length);
+            row.as_chunks::<MOTION>().0.iter().map(|six| std::array::from_fn(|k| six[k] * scale[k])).collect()
         };
         let of_node = |body: usize| {
             let own = self.node_frames.iter().enumerate().filter(move |(_, node)| node.body == body);
@@ -172,9 +167,9 @@ impl Bodies {
 
     /// These bodies with other numbers of their laws, scene units.
     pub fn with_values(&self, values: &[LawValues]) -> Self {
-        let mut all = self.all();
-        all.iter_mut().zip(values).for_each(|(body, values)| body.values = *values);
-        Self { numbers: Self::new(&all, self.span, &self.numbers.val().device()).numbers, ..self.clone() }
+        let device = self.numbers.val().device();
+        let drawn = numbers(values.iter().copied(), self.span.length, &device);
+        Self { numbers: Param::from_tensor(drawn), ..self.clone() }
     }
 
     /// Number of bodies.
@@ -222,8 +217,8 @@ impl Bodies {
         strain(&self.node_way(&like, time), &self.node_frames, unit)
     }
 
-    /// What the oscillations of the nodes leave to their free motion at `time`: the mean over nodes of bodies that
-    /// oscillate of `sqrt(e^2 / u^2 + 1) - 1` with `u` = `unit`, scene units. `None` without such a body.
+    /// The motion of the nodes at `time` that their oscillations leave to the free one: the mean over nodes of bodies
+    /// that oscillate of `sqrt(e^2 / u^2 + 1) - 1` with `u` = `unit`, scene units. `None` without such a body.
     pub fn unsaid(&self, time: f64, unit: f64) -> Option<Tensor<1>> {
         let on: Vec<usize> =
             (0..self.node_frames.len()).filter(|node| self.frames[self.node_frames[*node].body].rhythms > 0).collect();
@@ -385,7 +380,20 @@ fn padded(mut values: Vec<f64>, columns: usize) -> Vec<f64> {
     values
 }
 
-/// The unit of each number.
+/// `[B, 23]` numbers of laws in units of `length`.
+fn numbers(all: impl ExactSizeIterator<Item = LawValues>, length: f64, device: &Device) -> Tensor<2> {
+    let count = all.len();
+    let scaled =
+        |values: LawValues| std::array::from_fn::<f32, NUMBERS, _>(|k| (values.0[k] / scales(length)[k]) as f32);
+    Tensor::from_data(TensorData::new(all.flat_map(scaled).collect::<Vec<f32>>(), [count, NUMBERS]), device)
+}
+
+/// The unit of each number of a motion by a function of time.
+fn motion_scales(length: f64) -> [f64; MOTION] {
+    [length, length, length, 1.0, 1.0, 1.0]
+}
+
+/// The unit of each number of a law.
 fn scales(length: f64) -> [f64; NUMBERS] {
     let mut scales = [1.0; NUMBERS];
     for term in [Term::Velocity, Term::Acceleration, Term::Sway, Term::Pivot] {
@@ -395,9 +403,9 @@ fn scales(length: f64) -> [f64; NUMBERS] {
 }
 
 impl BodyFrame {
-    /// A body that follows `law` from the time `start` of the first frame on.
-    pub fn of(centre: [f64; 3], law: Law, start: f64) -> Self {
-        Self { centre, law, since: start, rhythms: 0 }
+    /// A body without oscillations that follows `law` from the time `since` on.
+    pub fn of(centre: [f64; 3], law: Law, since: f64) -> Self {
+        Self { centre, law, since, rhythms: 0 }
     }
 
     /// Time since the law holds; 0 before it, negative only before the first frame of a body that it moves all along.

@@ -69,8 +69,7 @@ impl Skin {
             moved = moved + mixed.clone().narrow(1, 3 * axis, 3) * from.clone().narrow(1, axis, 1);
         }
         let identity = State::at_rest(positions.clone()).turns;
-        let of_nodes = way.quaternions();
-        let turned = of_nodes.clone() - State::at_rest(way.shift.clone()).turns;
+        let turned = way.quaternions() - State::at_rest(way.shift.clone()).turns;
         let turns = identity + exact_matmul(self.weights.clone(), turned);
         let norm = turns.clone().square().sum_dim(1).sqrt();
         State { positions: moved, turns: turns / norm }
@@ -86,8 +85,7 @@ pub(super) fn strain(way: &Way, nodes: &[NodeFrame], unit: f64) -> Option<Tensor
     if pairs.is_empty() {
         return None;
     }
-    let reference = [0.0; 3];
-    let affine = way.affine(reference);
+    let affine = way.affine([0.0; 3]);
     let rows = |which: usize| {
         let rows: Vec<i64> = pairs.iter().map(|pair| pair[which] as i64).collect();
         Tensor::<1, Int>::from_data(TensorData::new(rows, [pairs.len()]), &affine.device())
@@ -98,7 +96,7 @@ pub(super) fn strain(way: &Way, nodes: &[NodeFrame], unit: f64) -> Option<Tensor
     let arms = column(&|[a, b]| 0.25 * at(*a).distance_squared(at(*b)));
     let mut gap = apart.clone().narrow(1, 9, 3);
     for axis in 0..3 {
-        let middle = column(&|[a, b]| 0.5 * (nodes[*a].centre[axis] + nodes[*b].centre[axis]) - reference[axis]);
+        let middle = column(&|[a, b]| 0.5 * (nodes[*a].centre[axis] + nodes[*b].centre[axis]));
         gap = gap + apart.clone().narrow(1, 3 * axis, 3) * middle;
     }
     let turned = apart.narrow(1, 0, 9).square().sum_dim(1) * arms;

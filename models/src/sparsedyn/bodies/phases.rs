@@ -5,10 +5,10 @@ use gs_burn::glam::{DQuat, DVec3};
 use super::fit::{Fitted, Poses, compare_laws, select_law};
 use super::law::{BodyPose, Law};
 
-/// Fewest poses that a law is fitted to: a quarter of them is foreseen from the others.
-pub const FEWEST: usize = 9;
+/// Fewest poses that a law is fitted to: a third of them is foreseen from the others.
+const FEWEST: usize = 9;
 
-/// Poses from one tried change to the next, as a share of all.
+/// Changes that are tried at most: every second frame of a recording as long as the paper's.
 const TRIED: usize = 24;
 
 /// Rounds in which the first pose and the law are fitted in turn.
@@ -33,8 +33,7 @@ pub fn phases(poses: &Poses, laws: &[Law]) -> Vec<Phase> {
     let count = poses.poses.len();
     let last = count.saturating_sub(FEWEST);
     let every = count.div_ceil(TRIED).max(1);
-    let starts = (0..=last).step_by(every).filter(|from| *from == 0 || *from >= every);
-    let mut found: Vec<Phase> = starts.flat_map(|from| of(poses, laws, from)).collect();
+    let mut found: Vec<Phase> = (0..=last).step_by(every).flat_map(|from| of(poses, laws, from)).collect();
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     found
 }

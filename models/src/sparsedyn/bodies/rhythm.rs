@@ -1,7 +1,7 @@
 //! Oscillations that many quantities share: sums of sines of a few common rates.
 //!
-//! What bends goes to and fro: a wave along a body, a wing, a swimmer's tail have few rates, and each place its own
-//! amplitudes and phases.
+//! A body that bends goes to and fro: a wave along it, a wing, a swimmer's tail have few rates, and each place of it
+//! its own amplitudes and phases.
 
 use super::least_squares::damped;
 
@@ -97,7 +97,7 @@ impl Seen<'_> {
         self.data.iter().map(|own| damped(&columns, own, ridge).unwrap_or_else(|| vec![0.0; columns.len()])).collect()
     }
 
-    /// What oscillations of given rates leave of each value.
+    /// The rest of each value after oscillations of given rates.
     fn residuals(&self, rates: &[f64]) -> Vec<f64> {
         let rows: Vec<Vec<f64>> = self.s.iter().map(|s| basis(*s, rates)).collect();
         let value = |own: &[f64], row: &[f64]| own.iter().zip(row).map(|(a, b)| a * b).sum::<f64>();

@@ -2,7 +2,7 @@
 //! by nodes, until all frames are seen and it gets a law.
 
 use burn::tensor::Device;
-use gs_base::median;
+use gs_base::{mean, median};
 use gs_burn::Gaussians;
 use gs_burn::adam::Adam;
 use gs_burn::glam::DVec3;
@@ -18,7 +18,7 @@ use super::count::{bodies_at, laws_at};
 use super::cues::warmup_steps;
 use super::evidence::may_move;
 use super::laws::with_laws;
-use super::poses::{middle, paths, pixel_size, poses_of, rests, vectors, weights_of};
+use super::poses::{members, middle, nearest, paths, pixel_size, poses_of, rests, vectors, weights_of};
 use super::update::forget;
 use super::{Sparsedyn, Step};
 use gs_train::fit::parameters::to_host;
@@ -113,7 +113,7 @@ fn with_bodies(
     let mut bodies = model.bodies.as_ref().map(Bodies::all).unwrap_or_default();
     let known = bodies.len();
     for label in 0..labels.iter().max().map_or(0, |most| *most + 1) {
-        let members: Vec<usize> = (0..free.len()).filter(|i| labels[*i] == label).collect();
+        let members = members(&labels, label);
         let poses = poses_of(&all, &members, &weights, seen, config.noise_pixels * pixel);
         if !is_last && rests(&poses, still * pixel) {
             continue;
@@ -121,16 +121,11 @@ fn with_bodies(
         // A few frames bear out few terms, and a wild guess of the others is lost in the next frames.
         let fitted = select_law(&poses, &Law::SMOOTH);
         let places: Vec<DVec3> = members.iter().map(|i| all[0][*i]).collect();
-        let (centre, since) = (poses.first.to_array(), model.frame.span[1]);
         let nodes = nodes_of(&places, bodies.len(), config).into_iter().map(|node| (node, Vec::new()));
         members.iter().for_each(|i| model.frame.labels[free[*i]] = bodies.len() as i32);
-        bodies.push(Body {
-            frame: BodyFrame { centre, law: Law::of(&[]), since, rhythms: 0 },
-            values: LawValues::REST,
-            free: fitted.map_or_else(Vec::new, |fitted| free_of(&fitted.values)),
-            rates: Vec::new(),
-            nodes: nodes.collect(),
-        });
+        let free = fitted.map_or_else(Vec::new, |fitted| free_of(&fitted.values));
+        let frame = BodyFrame::of(poses.first.to_array(), Law::of(&[]), model.frame.span[1]);
+        bodies.push(Body { free, nodes: nodes.collect(), ..Body::of(frame, LawValues::REST) });
     }
     if bodies.len() == known {
         return model;
@@ -163,7 +158,7 @@ fn rigid_groups(paths: &[Vec<DVec3>], weights: &[f64], times: &[f64], (pixel, st
     };
     let mut groups = segment(&sampled, weights, &options);
     for group in 0..groups.iter().flatten().max().map_or(0, |most| *most + 1) {
-        let members: Vec<usize> = (0..groups.len()).filter(|i| groups[*i] == Some(group)).collect();
+        let members = members(&groups, Some(group));
         if !members.is_empty() && rests(&poses_of(paths, &members, weights, times, 0.0), still) {
             members.iter().for_each(|i| groups[*i] = None);
         }
@@ -177,11 +172,8 @@ fn rigid_groups(paths: &[Vec<DVec3>], weights: &[f64], times: &[f64], (pixel, st
 fn linked(paths: &[Vec<DVec3>], groups: &[Option<u32>], noise: f64, fewest: usize) -> Vec<i32> {
     let Some(first) = paths.first() else { return Vec::new() };
     let count = first.len();
-    let nearest = |i: usize| {
-        let others = (0..count).filter(|j| *j != i);
-        others.map(|j| first[i].distance_squared(first[j])).fold(f64::INFINITY, f64::min).sqrt()
-    };
-    let link = LINK * median((0..count).map(nearest).collect()).unwrap_or(0.0);
+    let next = |i: usize| Some(first[i].distance(first[nearest(first, i, (0..count).filter(|j| *j != i))?]));
+    let link = LINK * median((0..count).filter_map(next).collect()).unwrap_or(0.0);
     let move_alike = |now: &[DVec3], i: usize, j: usize| {
         let way = now[i].distance(first[i]).max(now[j].distance(first[j]));
         (now[i] - first[i]).distance(now[j] - first[j]) <= noise + UNLIKE_SHARE * way
@@ -210,9 +202,8 @@ fn linked(paths: &[Vec<DVec3>], groups: &[Option<u32>], noise: f64, fewest: usiz
     let is_large = |i: usize| sizes[labels[i] as usize] >= fewest;
     let large: Vec<usize> = (0..count).filter(|i| is_large(*i)).collect();
     let joined = |i: usize| {
-        let far = |j: &&usize| first[i].distance_squared(first[**j]);
-        let near = large.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
-        if is_large(i) { labels[i] } else { near.map_or(0, |near| labels[*near]) }
+        let near = || nearest(first, i, large.iter().copied()).map_or(0, |near| labels[near]);
+        if is_large(i) { labels[i] } else { near() }
     };
     let joined: Vec<i32> = (0..count).map(joined).collect();
     let mut names = joined.clone();
@@ -237,15 +228,15 @@ fn nodes_of(places: &[DVec3], body: usize, config: &BodiesConfig) -> Vec<NodeFra
         return Vec::new();
     }
     let centre = |node: usize| {
-        let own: Vec<DVec3> = (0..places.len()).filter(|i| labels[*i] == node as i32).map(|i| places[i]).collect();
-        own.iter().sum::<DVec3>() / own.len().max(1) as f64
+        let own: Vec<DVec3> = members(&labels, node as i32).into_iter().map(|i| places[i]).collect();
+        mean(&own).unwrap_or(DVec3::ZERO)
     };
     let centres: Vec<DVec3> = (0..of.len()).map(centre).collect();
-    let nearest = |node: usize| {
-        let others = (0..centres.len()).filter(|other| *other != node);
-        others.map(|other| centres[other].distance(centres[node])).fold(f64::INFINITY, f64::min)
+    let next = |node: usize| {
+        let near = nearest(&centres, node, (0..centres.len()).filter(|other| *other != node));
+        near.map_or(f64::INFINITY, |near| centres[near].distance(centres[node]))
     };
-    let width = |node: usize| (NODE_WIDTH * nearest(node)).max(f64::MIN_POSITIVE);
+    let width = |node: usize| (NODE_WIDTH * next(node)).max(f64::MIN_POSITIVE);
     (0..centres.len()).map(|node| NodeFrame { centre: centres[node].to_array(), width: width(node), body }).collect()
 }
 

@@ -8,7 +8,8 @@ use super::scene::RolledScene;
 use super::{Config, Sparsedyn, Step};
 use gs_train::fit::figure::{Figure, Figures};
 use gs_train::fit::parameters::to_host;
-use gs_train::fit::photos::camera;
+use gs_train::fit::photos::{camera, mask_of, to_tensor};
+use gs_train::run::metrics::psnr_counted;
 
 /// Figures beside image quality: over `views` after the last time seen, what the scene gains over its last state.
 pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, _scene: &Scene, views: &[View], at: &Step) -> Figures {
@@ -38,14 +39,9 @@ fn future_and_held(model: &Sparsedyn, gaussians: &Gaussians, views: &[View], at:
     let held = scene.at(model.frame.clock.outer(last));
     let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
     let psnr = |scene: &Gaussians, view: &View| {
-        let image = to_host(render(scene, &camera(view, &gaussians.device()), &options).color);
-        let pixels = image.as_chunks::<3>().0.iter().zip(view.image.data.as_chunks::<3>().0).enumerate();
-        let counted = pixels.filter(|(pixel, _)| view.mask.as_ref().is_none_or(|mask| mask[*pixel] > 0));
-        let error = |(_, (a, b)): (usize, (&[f32; 3], &[u8; 3]))| {
-            a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b) / 255.0).powi(2)).sum::<f64>() / 3.0
-        };
-        let (sum, count) = counted.map(error).fold((0.0, 0.0), |(sum, count), error| (sum + error, count + 1.0));
-        -10.0 * (sum / count).log10()
+        let device = gaussians.device();
+        let image = render(scene, &camera(view, &device), &options).color;
+        psnr_counted(image, to_tensor(view, &view.image.data, 3, &device), mask_of(view, &device))
     };
     let both = later.iter().map(|view| [psnr(&scene.at(view.time.unwrap_or(0.0)), view), psnr(&held, view)]);
     let both: Vec<[f64; 2]> = both.filter(|both| both.iter().all(|x| x.is_finite())).collect();

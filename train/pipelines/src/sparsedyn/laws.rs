@@ -12,7 +12,7 @@ use gs_models::sparsedyn::bodies::phases::{Phase, phases};
 use gs_models::sparsedyn::bodies::{Body, BodyFrame, Law, LawValues, SegmentOptions, segment};
 
 use super::judges::{Judges, with_one};
-use super::poses::{middle, paths, pixel_size, poses_of, rests, weights_of};
+use super::poses::{members, middle, nearest, paths, pixel_size, poses_of, rests, weights_of};
 use super::update::forget;
 use super::{Sparsedyn, Step};
 
@@ -66,7 +66,7 @@ pub fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, v
     let mut of = vec![-1; labels.len()];
     let (mut all, mut resting): (Vec<Body>, Vec<usize>) = (Vec::new(), Vec::new());
     for label in 0..count {
-        let members: Vec<usize> = (0..labels.len()).filter(|i| labels[*i] == label).collect();
+        let members = members(&labels, label);
         let Some(first) = members.first() else { continue };
         let own = &free[model.frame.labels[*first].max(0) as usize];
         let poses = seen.poses(&members);
@@ -89,7 +89,7 @@ pub fn with_laws(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, v
     model
 }
 
-/// What was seen of the moving Gaussians.
+/// The moving Gaussians over the seen times.
 struct Seen<'a> {
     model: Sparsedyn,
     gaussians: &'a Gaussians,
@@ -120,7 +120,7 @@ impl<'a> Seen<'a> {
         let count = joined.iter().max().map_or(0, |most| *most + 1);
         let mut next = count;
         for label in 0..count {
-            let members: Vec<usize> = (0..joined.len()).filter(|i| joined[*i] == label).collect();
+            let members = members(&joined, label);
             let Some(own) = (!self.is_rigid(&members)).then(|| self.rigid_parts(&members)).flatten() else { continue };
             // The first part keeps the number.
             for (i, part) in members.iter().zip(&own).filter(|(_, part)| **part > 0) {
@@ -149,12 +149,9 @@ impl<'a> Seen<'a> {
         if held < IN_PARTS * weights.iter().sum::<f64>() {
             return None;
         }
-        let nearest = |i: usize| {
-            let others = (0..labels.len()).filter(|j| labels[*j].is_some());
-            let far = |j: &usize| paths[0][i].distance_squared(paths[0][*j]);
-            others.min_by(|a, b| far(a).total_cmp(&far(b))).and_then(|j| labels[j]).unwrap_or(0)
-        };
-        Some((0..labels.len()).map(|i| labels[i].unwrap_or_else(|| nearest(i))).collect())
+        let labelled = || (0..labels.len()).filter(|j| labels[*j].is_some());
+        let near = |i: usize| nearest(&paths[0], i, labelled()).and_then(|j| labels[j]).unwrap_or(0);
+        Some((0..labels.len()).map(|i| labels[i].unwrap_or_else(|| near(i))).collect())
     }
 
     /// Whether the Gaussians `members` moved as one rigid body.
@@ -194,7 +191,7 @@ impl<'a> Seen<'a> {
         let with = |phase: &Phase| {
             let (law, from) = (phase.fitted.law, phase.from);
             let free = if from > 0 { fit_free(&phase.before(poses), &span) } else { Vec::new() };
-            let frame = BodyFrame { centre: poses.first.to_array(), law, since: times[from], rhythms: 0 };
+            let frame = BodyFrame::of(poses.first.to_array(), law, times[from]);
             Body { free, ..Body::of(frame, phase.fitted.values) }
         };
         let judges = Judges::after(late_from(times.len()), times, self.views, self.gaussians, self.at);

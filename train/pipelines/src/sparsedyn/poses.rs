@@ -44,6 +44,17 @@ pub fn poses_of(paths: &[Vec<DVec3>], members: &[usize], weights: &[f64], times:
     }
 }
 
+/// The Gaussians with a label, by index.
+pub fn members<L: PartialEq>(labels: &[L], label: L) -> Vec<usize> {
+    (0..labels.len()).filter(|i| labels[*i] == label).collect()
+}
+
+/// The one of the Gaussians `among` that is nearest to Gaussian `i`; the first of equals.
+pub fn nearest(places: &[DVec3], i: usize, among: impl Iterator<Item = usize>) -> Option<usize> {
+    let far = |j: &usize| places[i].distance_squared(places[*j]);
+    among.min_by(|a, b| far(a).total_cmp(&far(b)))
+}
+
 /// The mean of the positions by their weights.
 pub fn middle(positions: &[DVec3], weights: &[f64]) -> DVec3 {
     let total: f64 = weights.iter().sum::<f64>().max(f64::MIN_POSITIVE);

@@ -64,8 +64,7 @@ pub fn lines(frame: &Frame, at: &Step) -> Vec<String> {
             config.steps, schedule.late_from
         ));
     }
-    lines.extend(events(at).map(|events| {
-        let (found, laws) = (&events.0, events.1);
+    lines.extend(events(at).map(|(found, laws)| {
         let (first, last) = (found.first().copied().unwrap_or(0), found.last().copied().unwrap_or(0));
         format!("schedule: bodies are looked for from step {first} to {last}, and get their laws at step {laws}")
     }));
@@ -95,11 +94,9 @@ pub fn curves(scene: &Scene, at: &Step) -> Timetable {
     let mark = |name: &str, steps: Vec<usize>| Mark { name: name.into(), steps };
     let warmup = warmup_steps(config);
     let mut marks = vec![mark("motion begins", vec![warmup])];
-    marks.extend(
-        events(at)
-            .into_iter()
-            .flat_map(|events| [mark("bodies are looked for", events.0), mark("laws are chosen", vec![events.1])]),
-    );
+    if let Some((found, laws)) = events(at) {
+        marks.extend([mark("bodies are looked for", found), mark("laws are chosen", vec![laws])]);
+    }
     let mut curves = vec![curve("end of the window", horizon(at), true), curve("time compared", drawn, false)];
     if !replayed.is_empty() {
         curves.push(curve("times replayed", replayed, false));
