@@ -2,21 +2,23 @@
 //! by nodes, until all frames are seen and it gets a law.
 
 use burn::tensor::Device;
-use gs_base::{mean, median};
+use gs_base::mean;
 use gs_burn::Gaussians;
 use gs_burn::adam::Adam;
 use gs_burn::glam::DVec3;
 use gs_datasets::View;
 use gs_models::sparsedyn::Phase;
+use gs_models::sparsedyn::bodies::basis::MOTION;
+use gs_models::sparsedyn::bodies::fit::{Poses, compare_laws};
 use gs_models::sparsedyn::bodies::parts::divided;
-use gs_models::sparsedyn::bodies::{
-    Bodies, Body, BodyFrame, Law, LawValues, NodeFrame, SegmentOptions, Term, segment, select_law,
-};
+use gs_models::sparsedyn::bodies::{Bodies, Body, BodyFrame, Law, LawValues, NodeFrame, Term};
 
 use super::config::{BodiesConfig, BodyUse, MotionModel};
 use super::count::{bodies_at, laws_at};
 use super::cues::warmup_steps;
 use super::evidence::may_move;
+use super::groups::{FEWEST, Lengths, alike};
+use super::judges::{Judges, PHOTOS_WEIGHT, said, with_one};
 use super::laws::with_laws;
 use super::poses::{members, middle, nearest, paths, pixel_size, poses_of, rests, vectors, weights_of};
 use super::update::forget;
@@ -26,38 +28,11 @@ use gs_train::fit::parameters::to_host;
 /// Searches for bodies.
 const EXAMINATIONS: usize = 8;
 
-/// Fewest Gaussians of a body: fewer do not determine a rotation in the noise of their positions.
-const FEWEST: usize = 12;
-
 /// Gaussians of a node: their photos determine six numbers of it.
 const OF_NODE: usize = 10;
 
 /// Standard deviation of a node's weight in distances to the nearest node: half way, neighbours weigh alike.
 const NODE_WIDTH: f64 = 0.6;
-
-/// Gaussians of one body lie within this many times the median distance to the nearest one.
-const LINK: f64 = 3.0;
-
-/// Times at which paths are compared with a rigid motion.
-const PATH_TIMES: usize = 12;
-
-/// Share of a Gaussian's distance from where it began that is added to the tolerance of a rigid group: the error of a
-/// path grows with its length.
-const TOLERANCE_SHARE: f64 = 0.08;
-
-/// Most rigid groups.
-const MOST: usize = 12;
-
-/// Smallest share of a rigid group among the Gaussians that move.
-const SHARE_LEAST: f64 = 0.02;
-
-/// Difference of the ways of two such Gaussians that is allowed, as a share of the longer one, beside the noise of
-/// both: paths of the field err by a tenth of their length, and neighbours in a body that bends move nearly alike; what
-/// one of them leaves behind differs by the way itself.
-const UNLIKE_SHARE: f64 = 0.25;
-
-/// Largest distance of a path from the motion of its rigid group, pixels, where the path begins.
-const GROUP_PIXELS: f64 = 2.0;
 
 /// The model after the events of a step: bodies are found, and given laws.
 pub fn evolved(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
@@ -88,8 +63,8 @@ pub(super) fn examinations(at: &Step) -> Vec<usize> {
     steps
 }
 
-/// Finds bodies among the Gaussians that the field moves: neighbours that move alike. Before the last
-/// examination what rests stays with the field, because it may only be slow to begin.
+/// Finds bodies among the Gaussians that the field moves: neighbours that move alike. Those that move like a known body
+/// beside them join it. Before the last search what rests stays with the field, because it may only be slow to begin.
 fn with_bodies(
     mut model: Sparsedyn,
     gaussians: &Gaussians,
@@ -97,41 +72,52 @@ fn with_bodies(
     views: &[View],
     (at, is_last): (&Step, bool),
 ) -> Sparsedyn {
-    let (config, still) = (&at.config.method.bodies, at.config.method.moving.still_pixels);
-    let free: Vec<usize> = (0..model.frame.rows.len()).filter(|i| model.frame.labels[*i] < 0).collect();
-    if free.len() < FEWEST || at.cues.times.len() < 2 {
+    let config = &at.config.method.bodies;
+    let known = model.frame.labels.clone();
+    if members(&known, -1).len() < FEWEST || at.cues.times.len() < 2 {
         return model;
     }
     let seen = seen_times(at);
-    let of_free = |time: Vec<DVec3>| free.iter().map(|i| time[*i]).collect::<Vec<DVec3>>();
-    let all: Vec<Vec<DVec3>> =
-        paths(&model, &model.first_positions(gaussians), seen).into_iter().map(of_free).collect();
-    let weights = weights_of(&model, gaussians, &free);
-    let pixel = pixel_size(views, middle(&all[0], &weights));
-    let groups = rigid_groups(&all, &weights, seen, (pixel, still * pixel));
-    let labels = linked(&all, &groups, 2.0 * config.noise_pixels * pixel, FEWEST);
+    let paths: Vec<Vec<DVec3>> = paths(&model, &model.first_positions(gaussians), seen);
+    let weights = weights_of(&model, gaussians, &(0..known.len()).collect::<Vec<usize>>());
+    let pixel = pixel_size(views, middle(&paths[0], &weights));
+    let still = at.config.method.moving.still_pixels * pixel;
+    let lengths = Lengths { pixel, still, noise: config.noise_pixels * pixel };
+    let labels = alike(&paths, &weights, seen, &known, &lengths);
     let mut bodies = model.bodies.as_ref().map(Bodies::all).unwrap_or_default();
-    let known = bodies.len();
+    if bodies.is_empty() {
+        model.frame.pixel = pixel;
+        model.frame.knots = (at.cues.times.len() as f64 / config.knot_frames).ceil() as usize + 2;
+    }
+    let judges = Judges::after(0, seen, views, gaussians, at);
+    let before = model.clone();
     for label in 0..labels.iter().max().map_or(0, |most| *most + 1) {
-        let members = members(&labels, label);
-        let poses = poses_of(&all, &members, &weights, seen, config.noise_pixels * pixel);
-        if !is_last && rests(&poses, still * pixel) {
+        let (of_bodies, own): (Vec<usize>, Vec<usize>) =
+            members(&labels, label).into_iter().partition(|i| known[*i] >= 0);
+        if !of_bodies.is_empty() {
+            let near = |i: usize| nearest(&paths[0], paths[0][i], of_bodies.iter().copied()).map_or(-1, |j| known[j]);
+            own.iter().for_each(|i| model.frame.labels[*i] = near(*i));
             continue;
         }
-        // A few frames bear out few terms, and a wild guess of the others is lost in the next frames.
-        let fitted = select_law(&poses, &Law::SMOOTH);
-        let places: Vec<DVec3> = members.iter().map(|i| all[0][*i]).collect();
-        let nodes = nodes_of(&places, bodies.len(), config).into_iter().map(|node| (node, Vec::new()));
-        members.iter().for_each(|i| model.frame.labels[free[*i]] = bodies.len() as i32);
-        let free = fitted.map_or_else(Vec::new, |fitted| free_of(&fitted.values));
+        let poses = poses_of(&paths, &own, &weights, seen, lengths.noise);
+        if own.len() < FEWEST || !is_last && rests(&poses, still) {
+            continue;
+        }
         let frame = BodyFrame::of(poses.first.to_array(), Law::of(&[]), model.frame.span[1]);
-        bodies.push(Body { free, nodes: nodes.collect(), ..Body::of(frame, LawValues::REST) });
+        let body = |free: &Motion| Body { free: free.clone(), ..Body::of(frame.clone(), LawValues::REST) };
+        let trial = |free: &Motion| with_one(&before, &own, body(free), &gaussians.device());
+        let free = first_motion(&poses, |all| judges.errors(&all.iter().map(trial).collect::<Vec<_>>()));
+        if !is_last && free.is_empty() {
+            continue;
+        }
+        let places: Vec<DVec3> = own.iter().map(|i| paths[0][*i]).collect();
+        let nodes = nodes_of(&places, bodies.len(), config).into_iter().map(|node| (node, Vec::new()));
+        own.iter().for_each(|i| model.frame.labels[*i] = bodies.len() as i32);
+        bodies.push(Body { nodes: nodes.collect(), ..body(&free) });
     }
-    if bodies.len() == known {
+    if model.frame.labels == known {
         return model;
     }
-    model.frame.pixel = pixel;
-    model.frame.knots = (at.cues.times.len() as f64 / config.knot_frames).ceil() as usize + 2;
     let model = model.with_all(&bodies, &gaussians.device());
     forget(adam);
     tracing::info!(
@@ -144,76 +130,25 @@ fn with_bodies(
     model
 }
 
-/// The rigid group of each Gaussian that moves along `paths`; `None` for what rests, which is no evidence of one body,
-/// and for what follows no rigid motion.
-fn rigid_groups(paths: &[Vec<DVec3>], weights: &[f64], times: &[f64], (pixel, still): (f64, f64)) -> Vec<Option<u32>> {
-    let step = paths.len().div_ceil(PATH_TIMES).max(1);
-    let sampled: Vec<Vec<DVec3>> = paths.iter().step_by(step).cloned().collect();
-    let options = SegmentOptions {
-        tolerance: GROUP_PIXELS * pixel,
-        relative: TOLERANCE_SHARE,
-        most: MOST,
-        fewest: FEWEST,
-        share: SHARE_LEAST,
-    };
-    let mut groups = segment(&sampled, weights, &options);
-    for group in 0..groups.iter().flatten().max().map_or(0, |most| *most + 1) {
-        let members = members(&groups, Some(group));
-        if !members.is_empty() && rests(&poses_of(paths, &members, weights, times, 0.0), still) {
-            members.iter().for_each(|i| groups[*i] = None);
-        }
-    }
-    groups
-}
+/// The columns of a free motion.
+type Motion = Vec<[f64; MOTION]>;
 
-/// The body of each Gaussian, from 0 on: the connected groups of neighbours that move alike along `paths`,
-/// which err by `noise`, scene units, and of Gaussians of one rigid group. Groups of fewer than `fewest` go with the
-/// nearest larger one.
-fn linked(paths: &[Vec<DVec3>], groups: &[Option<u32>], noise: f64, fewest: usize) -> Vec<i32> {
-    let Some(first) = paths.first() else { return Vec::new() };
-    let count = first.len();
-    let next = |i: usize| Some(first[i].distance(first[nearest(first, i, (0..count).filter(|j| *j != i))?]));
-    let link = LINK * median((0..count).filter_map(next).collect()).unwrap_or(0.0);
-    let move_alike = |now: &[DVec3], i: usize, j: usize| {
-        let way = now[i].distance(first[i]).max(now[j].distance(first[j]));
-        (now[i] - first[i]).distance(now[j] - first[j]) <= noise + UNLIKE_SHARE * way
-    };
-    let are_linked = |i: usize, j: usize| {
-        let is_near = first[i].distance(first[j]) <= link;
-        groups[i].is_some() && groups[i] == groups[j] || is_near && paths.iter().all(|now| move_alike(now, i, j))
-    };
-    let mut labels = vec![-1; count];
-    let mut sizes: Vec<usize> = Vec::new();
-    for start in 0..count {
-        if labels[start] >= 0 {
-            continue;
-        }
-        let (own, mut open) = (sizes.len() as i32, vec![start]);
-        labels[start] = own;
-        sizes.push(0);
-        while let Some(i) = open.pop() {
-            sizes[own as usize] += 1;
-            for j in (0..count).filter(|j| labels[*j] < 0 && are_linked(i, *j)).collect::<Vec<_>>() {
-                labels[j] = own;
-                open.push(j);
-            }
-        }
-    }
-    let is_large = |i: usize| sizes[labels[i] as usize] >= fewest;
-    let large: Vec<usize> = (0..count).filter(|i| is_large(*i)).collect();
-    let joined = |i: usize| {
-        let near = || nearest(first, i, large.iter().copied()).map_or(0, |near| labels[near]);
-        if is_large(i) { labels[i] } else { near() }
-    };
-    let joined: Vec<i32> = (0..count).map(joined).collect();
-    let mut names = joined.clone();
-    names.sort_unstable();
-    names.dedup();
-    joined.iter().map(|label| names.binary_search(label).unwrap_or(0) as i32).collect()
+/// The free motion that photos bear out best among rest, which has no columns, and smooth laws of the `poses`. The
+/// field's paths alone are no good evidence of a rotation: its photos are few frames, and it may turn what slides.
+/// `judge` gives the errors of the photos.
+fn first_motion(poses: &Poses, judge: impl Fn(&[Motion]) -> Vec<Option<f64>>) -> Motion {
+    let fitted = compare_laws(poses, &Law::SMOOTH);
+    let mut all: Vec<Motion> = vec![Vec::new()];
+    all.extend(fitted.iter().map(|fitted| free_of(&fitted.values)));
+    let freedom = std::iter::once(0).chain(fitted.iter().map(|fitted| fitted.law.freedom()));
+    let cost = |(error, freedom): (Option<f64>, usize)| said(error, 1.0) + freedom as f64 * PHOTOS_WEIGHT.ln();
+    let costs = judge(&all).into_iter().zip(freedom).map(cost);
+    let best = costs.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(index, _)| index);
+    all.swap_remove(best)
 }
 
 /// The free motion of a smooth law: even and accelerated columns.
-fn free_of(values: &LawValues) -> Vec<[f64; 6]> {
+fn free_of(values: &LawValues) -> Motion {
     let six = |shift: Term, turn: Term| {
         let (shift, turn) = (values.vector(shift).to_array(), values.vector(turn).to_array());
         std::array::from_fn(|k| if k < 3 { shift[k] } else { turn[k - 3] })
@@ -233,7 +168,7 @@ fn nodes_of(places: &[DVec3], body: usize, config: &BodiesConfig) -> Vec<NodeFra
     };
     let centres: Vec<DVec3> = (0..of.len()).map(centre).collect();
     let next = |node: usize| {
-        let near = nearest(&centres, node, (0..centres.len()).filter(|other| *other != node));
+        let near = nearest(&centres, centres[node], (0..centres.len()).filter(|other| *other != node));
         near.map_or(f64::INFINITY, |near| centres[near].distance(centres[node]))
     };
     let width = |node: usize| (NODE_WIDTH * next(node)).max(f64::MIN_POSITIVE);
@@ -284,32 +219,5 @@ impl Sparsedyn {
         let of = |body: usize| self.frame.labels.iter().filter(|label| **label == body as i32).count();
         let frames = self.frame.bodies.iter().enumerate();
         frames.map(|(body, frame)| format!("{} Gaussians: {}", of(body), self.frame.words(frame))).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Two rows of Gaussians, one of which begins to move away, and a stray one.
-    #[test]
-    fn neighbours_that_keep_their_distance_are_one_body() {
-        let row = |y: f64| (0..20).map(move |i| DVec3::new(0.1 * f64::from(i), y, 0.0));
-        let first: Vec<DVec3> = row(0.0).chain(row(0.1)).chain([DVec3::new(0.5, 3.0, 0.0)]).collect();
-        let moved = |by: f64| -> Vec<DVec3> {
-            let shift = |i: usize| DVec3::Y * if (20..40).contains(&i) { by } else { 0.0 };
-            first.iter().enumerate().map(|(i, at)| *at + shift(i)).collect()
-        };
-        let alone = [None; 41];
-        assert_eq!(linked(&[first.clone(), moved(0.01)], &alone, 0.01, 12), [0; 41]);
-        let paths = [first.clone(), moved(0.01), moved(0.5)];
-        let apart = linked(&paths, &alone, 0.01, 12);
-        assert!(
-            apart[..20].iter().all(|label| *label == 0) && apart[20..].iter().all(|label| *label == 1),
-            "{apart:?}"
-        );
-        assert_eq!(linked(&paths, &[Some(3); 41], 0.01, 12), [0; 41], "one rigid group");
-        assert!(linked(&[], &[], 0.01, 12).is_empty());
-        assert_eq!(linked(&[first[..3].to_vec()], &alone[..3], 0.01, 12), [0; 3], "few are one body");
     }
 }

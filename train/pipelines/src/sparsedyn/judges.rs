@@ -1,8 +1,9 @@
 //! Photos as judges of a motion: how far renderings of late times are from what the cameras saw.
 
+use burn::tensor::Device;
 use gs_burn::{Gaussians, render};
 use gs_datasets::View;
-use gs_models::sparsedyn::bodies::Body;
+use gs_models::sparsedyn::bodies::{Bodies, Body};
 
 use super::{Sparsedyn, Step};
 use gs_train::fit::parameters::to_host;
@@ -17,6 +18,17 @@ const PHOTOS: usize = 5;
 /// Largest difference of two renderings that is none: two steps of an 8-bit photo. A body on a few pixels is judged by
 /// these, and not by what all candidates have in common.
 const SAME: f32 = 2.0 / 255.0;
+
+/// Independent values that the photos count as beside the poses: what the logarithm of their error weighs. Of 20
+/// choices on five worlds, right laws had at least 13 % less error than laws that the poses took for better by up to
+/// 19.
+pub const PHOTOS_WEIGHT: f64 = 150.0;
+
+/// What the error of the photos says against a motion, beside the `least` error, in twice the negative logarithm of the
+/// likelihood; nothing where there is no error.
+pub fn said(error: Option<f64>, least: f64) -> f64 {
+    PHOTOS_WEIGHT * error.map_or(0.0, |error| (error / least).ln())
+}
 
 /// Photos of some times.
 pub struct Judges<'a> {
@@ -78,13 +90,10 @@ fn differ(images: &[Vec<f32>], index: usize) -> bool {
 }
 
 /// `model` with the moving Gaussians `members` in a body of their own.
-pub fn with_one(model: &Sparsedyn, members: &[usize], body: Body) -> Sparsedyn {
+pub fn with_one(model: &Sparsedyn, members: &[usize], body: Body, device: &Device) -> Sparsedyn {
     let mut model = model.clone();
-    let Some(bodies) = model.bodies.take() else { return model };
-    let own = bodies.len() as i32;
-    members.iter().for_each(|i| model.frame.labels[*i] = own);
-    let mut all = bodies.all();
+    let mut all = model.bodies.as_ref().map(Bodies::all).unwrap_or_default();
+    members.iter().for_each(|i| model.frame.labels[*i] = all.len() as i32);
     all.push(body);
-    let device = bodies.numbers.val().device();
-    model.with_all(&all, &device)
+    model.with_all(&all, device)
 }

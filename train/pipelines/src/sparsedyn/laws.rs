@@ -11,7 +11,7 @@ use gs_models::sparsedyn::bodies::parts::joined;
 use gs_models::sparsedyn::bodies::phases::{Phase, phases};
 use gs_models::sparsedyn::bodies::{Body, BodyFrame, Law, LawValues, SegmentOptions, segment};
 
-use super::judges::{Judges, with_one};
+use super::judges::{Judges, said, with_one};
 use super::poses::{members, middle, nearest, paths, pixel_size, poses_of, rests, weights_of};
 use super::update::forget;
 use super::{Sparsedyn, Step};
@@ -30,13 +30,12 @@ const JOINED_SHARE: f64 = 0.04;
 /// mislead by that much.
 const CANDIDATE_MARGIN: f64 = 40.0;
 
-/// Most laws of a body that photos judge: each costs a rendering per photo.
-const CANDIDATES_MAX: usize = 6;
+/// Most motions of a body that photos judge: each costs a rendering per photo.
+const CANDIDATES_MAX: usize = 16;
 
-/// Independent values that the photos count as beside the poses: what the logarithm of their error weighs. Of 20
-/// choices on five worlds, right laws had at least 13 % less error than laws that the poses took for better by up to
-/// 19.
-const PHOTOS_WEIGHT: f64 = 150.0;
+/// Least share of a recording between two changes to the same law that photos judge: poses that err together put a
+/// change some frames off.
+const CHANGES_APART: f64 = 0.08;
 
 /// Root mean square distance of the Gaussians of a rigid body from its motion, pixels: that of tracking.
 const RIGID_PIXELS: f64 = 1.0;
@@ -150,7 +149,7 @@ impl<'a> Seen<'a> {
             return None;
         }
         let labelled = || (0..labels.len()).filter(|j| labels[*j].is_some());
-        let near = |i: usize| nearest(&paths[0], i, labelled()).and_then(|j| labels[j]).unwrap_or(0);
+        let near = |i: usize| nearest(&paths[0], paths[0][i], labelled()).and_then(|j| labels[j]).unwrap_or(0);
         Some((0..labels.len()).map(|i| labels[i].unwrap_or_else(|| near(i))).collect())
     }
 
@@ -196,7 +195,7 @@ impl<'a> Seen<'a> {
         };
         let judges = Judges::after(late_from(times.len()), times, self.views, self.gaussians, self.at);
         let judge = |phases: &[Phase]| {
-            let trial = |phase: &Phase| with_one(&self.model, members, with(phase));
+            let trial = |phase: &Phase| with_one(&self.model, members, with(phase), &self.gaussians.device());
             judges.errors(&phases.iter().map(trial).collect::<Vec<_>>())
         };
         let Some(phase) = chosen(phases(poses, &Law::ALL), judge) else {
@@ -235,7 +234,10 @@ fn chosen(phases: Vec<Phase>, judge: impl Fn(&[Phase]) -> Vec<Option<f64>>) -> O
     let least = phases.first()?.cost;
     let mut candidates: Vec<Phase> = Vec::new();
     for phase in phases.into_iter().take_while(|phase| phase.cost <= least + CANDIDATE_MARGIN) {
-        if candidates.len() < CANDIDATES_MAX && candidates.iter().all(|other| other.fitted.law != phase.fitted.law) {
+        let frames = phase.from + phase.poses.poses.len();
+        let is_near = |other: &Phase| phase.from.abs_diff(other.from) as f64 <= CHANGES_APART * frames as f64;
+        let is_new = candidates.iter().all(|other| other.fitted.law != phase.fitted.law || !is_near(other));
+        if candidates.len() < CANDIDATES_MAX && is_new {
             candidates.push(phase);
         }
     }
@@ -255,8 +257,7 @@ fn chosen(phases: Vec<Phase>, judge: impl Fn(&[Phase]) -> Vec<Option<f64>>) -> O
             "a law before photos of late times"
         );
     }
-    let said = |error: &Option<f64>| PHOTOS_WEIGHT * error.map_or(0.0, |error| (error / least).ln());
-    let all = candidates.into_iter().zip(&errors).map(|(phase, error)| (phase.cost + said(error), phase));
+    let all = candidates.into_iter().zip(&errors).map(|(phase, error)| (phase.cost + said(*error, least), phase));
     all.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, phase)| phase)
 }
 

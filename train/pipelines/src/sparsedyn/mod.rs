@@ -25,6 +25,7 @@ pub mod extra;
 pub mod figures;
 pub mod forward;
 pub mod future;
+mod groups;
 mod judges;
 mod laws;
 mod method;

@@ -49,9 +49,9 @@ pub fn members<L: PartialEq>(labels: &[L], label: L) -> Vec<usize> {
     (0..labels.len()).filter(|i| labels[*i] == label).collect()
 }
 
-/// The one of the Gaussians `among` that is nearest to Gaussian `i`; the first of equals.
-pub fn nearest(places: &[DVec3], i: usize, among: impl Iterator<Item = usize>) -> Option<usize> {
-    let far = |j: &usize| places[i].distance_squared(places[*j]);
+/// The one of the places `among` that is nearest to `to`; the first of equals.
+pub fn nearest(places: &[DVec3], to: DVec3, among: impl Iterator<Item = usize>) -> Option<usize> {
+    let far = |j: &usize| to.distance_squared(places[*j]);
     among.min_by(|a, b| far(a).total_cmp(&far(b)))
 }
 

@@ -25,7 +25,7 @@ const FRAMES: usize = 60;
 const EVERY: usize = 3;
 
 /// Ways to move the Gaussians.
-const MODES: [(&str, &str); 2] = [("bodies", "bodies.mode=both"), ("field alone", "bodies.mode=field")];
+const MODES: [(&str, &str); 2] = [("bodies", "bodies.mode=bodies"), ("field alone", "bodies.mode=field")];
 
 /// Size of the box that no Gaussian may leave, times that of the scene: what is farther away was thrown there by the
 /// rollout.

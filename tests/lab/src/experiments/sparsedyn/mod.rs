@@ -28,13 +28,13 @@ pub static EXPERIMENTS: [Experiment; 9] = experiments![
     /// Trained on the first fifth of the recording and rolled out to four times that: PSNR over the horizon with rigid
     /// bodies and with the field alone, against a scene that stops where it was last seen; does any Gaussian leave
     /// twice the scene's box, is any position not a number?
-    "horizon": horizon::run, [6, 2] of [1000, 120];
+    "horizon": horizon::run, [6, 2] of [1000, 240];
     /// 2, 3, 5, 9 and 15 training cameras, Gaussians from few to many, colours of degree 0 to 2: where does more of
     /// them make held-out cameras worse?
     "views": views::run, [25, 4] of [600, 120];
     /// True depth of the first frame with noise, with another scale for each photo, with outliers, doubled, and none at
     /// all: what does that cost in held-out photos of the first frames?
-    "priors": priors::run, [9, 5] of [1000, 120];
+    "priors": priors::run, [9, 5] of [1000, 360];
     /// Runs with eight seeds: how far do the PSNR of the future and the number of Gaussians spread?
     "seeds": seeds::run, [8, 3] of [1000, 120];
     /// Trained on times up to 0.5, 0.6, 0.7 and 0.75: how well are the photos from 0.75 on predicted, which are farther

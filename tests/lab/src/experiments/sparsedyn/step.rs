@@ -14,7 +14,7 @@ use crate::experiments::{Findings, Lab, Series, largest};
 /// Ways to move: rigid bodies with laws; the field asked once; the field asked at every stage by the midpoint rule (Eq.
 /// 4).
 const MODES: [(&str, &[&str]); 3] = [
-    ("bodies", &["bodies.mode=both"]),
+    ("bodies", &["bodies.mode=bodies"]),
     ("field, asked once", &["bodies.mode=field"]),
     ("field, asked at every stage", &["bodies.mode=field", "dynamics.ask=stage", "dynamics.integrator=rk2"]),
 ];
