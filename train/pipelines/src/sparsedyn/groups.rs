@@ -45,8 +45,8 @@ pub struct Lengths {
 }
 
 /// The group of each Gaussian, from 0 on: neighbours that move alike along `paths` of the frames at `times`, and
-/// Gaussians of one rigid motion. `known` names the body of each, -1 for none; a body is in one group. What rests is not
-/// in a group with what moves, unless they are a body or one rigid motion.
+/// Gaussians of one rigid motion. `known` names the body of each, -1 for none; a body is in one group. What rests is
+/// not in a group with what moves, unless they are a body or one rigid motion.
 pub fn alike(paths: &[Vec<DVec3>], weights: &[f64], times: &[f64], known: &[i32], of: &Lengths) -> Vec<i32> {
     let groups = rigid_groups(paths, weights, times, known, of);
     let squares = |i: usize| paths.iter().map(|now| now[i].distance_squared(paths[0][i])).sum::<f64>();
