@@ -23,6 +23,7 @@ mod held_out;
 mod layers;
 #[path = "../../../../tests/src/mutate.rs"]
 mod mutate;
+mod noise;
 mod profile;
 mod resume;
 mod scene_files;
