@@ -29,19 +29,28 @@ pub struct DynamicsFieldConfig {
     /// Hidden layers.
     #[config(default = 7)]
     pub layers: usize,
+    /// TRACE's accelerations: `r |r| / 10` of raw numbers `r`, instead of these. No gradient would move them from zero,
+    /// so that the last layer does not begin there.
+    #[config(default = false)]
+    pub squared: bool,
     /// Seed of the initial weights.
     #[config(default = 0)]
     pub seed: u64,
 }
 
+/// Divisor of TRACE's accelerations.
+const SQUARED_BY: f64 = 10.0;
+
 impl DynamicsFieldConfig {
-    /// The field before training: nothing moves.
+    /// The field before training: nothing moves, unless accelerations are `squared`.
     pub fn init(&self, device: &Device) -> DynamicsField {
         let inputs = 4 * (1 + 2 * self.bands);
         let hidden = std::iter::repeat_n(self.width, self.layers);
         let sizes = std::iter::once(inputs).chain(hidden).chain([OUTPUTS]).collect();
-        let mlp = MlpConfig::new(sizes).with_activation(Activation::Silu).with_zero_last(true).with_seed(self.seed);
-        DynamicsField { mlp: mlp.init(device), bands: self.bands, centre: self.centre, length: self.length }
+        let mlp =
+            MlpConfig::new(sizes).with_activation(Activation::Silu).with_zero_last(!self.squared).with_seed(self.seed);
+        let Self { bands, centre, length, squared, .. } = *self;
+        DynamicsField { mlp: mlp.init(device), bands, centre, length, squared }
     }
 }
 
@@ -59,6 +68,9 @@ pub struct DynamicsField {
     /// The unit of lengths, scene units.
     #[module(skip)]
     pub length: f64,
+    /// Whether accelerations are `r |r| / 10` of raw numbers.
+    #[module(skip)]
+    pub squared: bool,
 }
 
 impl DynamicsField {
@@ -69,11 +81,15 @@ impl DynamicsField {
         let time = Tensor::from_data(TensorData::new(vec![t], [1, 1]), (&positions.device(), positions.dtype()));
         let raw = self.mlp.forward_shared(encoded(scaled, self.bands), encoded(time, self.bands));
         let vector = |index: usize| raw.clone().narrow(1, 3 * index, 3);
+        let acceleration = |index: usize| match self.squared {
+            true => vector(index) * vector(index).abs() / SQUARED_BY,
+            false => vector(index),
+        };
         Dynamics {
             velocity: vector(0) * self.length,
-            acceleration: vector(1) * self.length,
+            acceleration: acceleration(1) * self.length,
             angular: vector(2),
-            angular_acceleration: vector(3),
+            angular_acceleration: acceleration(3),
         }
     }
 }

@@ -1,11 +1,11 @@
 //! Rollouts: times, the first state, gradients of a few steps.
 
-use gs_models::sparsedyn::{Ask, DynamicsFieldConfig, Integrator, Rollout, RolloutOptions, State};
+use gs_models::sparsedyn::{Ask, DynamicsField, DynamicsFieldConfig, Integrator, Rollout, RolloutOptions, State};
 use gs_tests::devices::{everywhere, reference};
 use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::tolerance::{assert_near, values};
 
-use super::{CENTRE, random_field, start};
+use super::{CENTRE, constant_field, random_field, start};
 
 const ASKS: [Ask; 3] = [Ask::Stage, Ask::Step, Ask::Start];
 
@@ -27,6 +27,31 @@ fn an_untrained_field_moves_nothing() {
             }
         }
     }
+}
+
+/// TRACE's code: accelerations are `r |r| / 10`.
+#[test]
+fn squared_accelerations_are_those_of_trace() {
+    let place = reference();
+    let plain = constant_field(&place, [[1.0, 2.0, 3.0], [3.0, -4.0, 0.0], [-0.5, 0.1, 0.2], [-2.0, 1.0, 6.0]]);
+    let squared = DynamicsField { squared: true, ..plain.clone() };
+    let positions = start(&place, 3).positions;
+    let (plain, squared) = (plain.forward(positions.clone(), 0.4), squared.forward(positions, 0.4));
+    assert_eq!(values(&squared.velocity), values(&plain.velocity));
+    assert_eq!(values(&squared.angular), values(&plain.angular));
+    // Raw lengths are in units of 2.
+    let of = |raw: f64| raw * raw.abs() / 10.0;
+    for (found, raw, unit) in [
+        (&squared.acceleration, &plain.acceleration, 2.0),
+        (&squared.angular_acceleration, &plain.angular_acceleration, 1.0),
+    ] {
+        let expected: Vec<f64> = values(raw).into_iter().map(|x| unit * of(x / unit)).collect();
+        assert_near("accelerations", &values(found), &expected, 1e-12);
+    }
+    let begins = DynamicsFieldConfig::new(CENTRE, 2.0).with_width(8).with_squared(true).init(&place.device);
+    let begins = gs_burn::map_parameters(begins, |_, table| table.cast(place.dtype));
+    let raw = values(&begins.forward(start(&place, 3).positions, 0.4).acceleration);
+    assert!(raw.iter().all(|x| *x != 0.0), "a gradient moves them: {raw:?}");
 }
 
 #[test]

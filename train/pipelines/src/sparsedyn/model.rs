@@ -140,6 +140,7 @@ impl Sparsedyn {
             .with_bands(dynamics.bands)
             .with_width(dynamics.width)
             .with_layers(dynamics.layers)
+            .with_squared(dynamics.model == MotionModel::Trace)
             .with_seed(seed);
         let coded = CodedFieldConfig::new(centre, length).with_motions(dynamics.bases).with_seed(seed);
         let is_coded = dynamics.model == MotionModel::Freegave;
