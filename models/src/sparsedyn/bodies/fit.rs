@@ -3,7 +3,7 @@
 use gs_burn::glam::{DMat3, DQuat, DVec3};
 
 use super::basis::{EVEN, MOTION, free};
-use super::law::{BodyPose, Law, LawValues, NUMBERS, Term};
+use super::law::{BodyPose, Law, LawValues, NUMBERS, Term, even, fading};
 use super::least_squares::{damped, linear};
 use super::motion::Span;
 
@@ -65,6 +65,9 @@ const PERIODS_LEAST: f64 = 0.3;
 /// Rates tried for an oscillation, from the least to one period in four poses.
 const RATES: usize = 48;
 
+/// Rates tried for what dies away, per time that the poses cover.
+const DAMPINGS: [f64; 3] = [0.3, 1.0, 3.0];
+
 /// Cost of a law by which few things move, on the scale of BIC: 10 is very strong evidence there, and laws are compared
 /// by two terms of that scale. A block that falls and turns is nearly one that turns about a point off its
 /// middle without falling.
@@ -85,9 +88,11 @@ pub fn fit_law(poses: &Poses, law: Law) -> Option<Fitted> {
         return None;
     }
     let rotations = unwrapped(poses);
-    let starts = match law.has(Term::Oscillation) {
-        true => oscillation_starts(poses, &rotations, law),
-        false => vec![polynomial_start(poses, &rotations, law)],
+    let dampings: &[f64] = if law.has(Term::Damping) { &DAMPINGS } else { &[0.0] };
+    let dampings = dampings.iter().map(|share| share / span_of(poses));
+    let starts: Vec<LawValues> = match law.has(Term::Oscillation) {
+        true => oscillation_starts(poses, &rotations, law, &dampings.collect::<Vec<f64>>()),
+        false => dampings.map(|damping| polynomial_start(poses, &rotations, law, damping)).collect(),
     };
     let refined = starts.into_iter().map(|values| refine(poses, law, values));
     let least = PERIODS_LEAST * std::f64::consts::TAU / span_of(poses);
@@ -175,10 +180,11 @@ fn unwrapped(poses: &Poses) -> Vec<DVec3> {
     vectors
 }
 
-/// The numbers of the terms without oscillation by linear least squares.
-fn polynomial_start(poses: &Poses, rotations: &[DVec3], law: Law) -> LawValues {
-    let times: Vec<f64> = poses.poses.iter().map(|(s, _)| *s).collect();
+/// The numbers of the terms without oscillation, which die away at a rate, by linear least squares.
+fn polynomial_start(poses: &Poses, rotations: &[DVec3], law: Law, damping: f64) -> LawValues {
+    let times: Vec<f64> = poses.poses.iter().map(|(s, _)| even(damping, *s)).collect();
     let mut values = LawValues::REST;
+    values.set_damping(damping);
     let spin = [(Term::Spin, 1), (Term::SpinUp, 2)];
     set_polynomial(&mut values, &times, rotations, law, spin);
     let shifts: Vec<DVec3> = poses.poses.iter().map(|(_, pose)| pose.centre - poses.first).collect();
@@ -242,20 +248,22 @@ fn span_of(poses: &Poses) -> f64 {
     poses.poses.iter().fold(0.0_f64, |most, (s, _)| most.max(s.abs())).max(f64::MIN_POSITIVE)
 }
 
-/// For several rates the best amplitudes and phase by linear least squares, the three best of them.
-fn oscillation_starts(poses: &Poses, rotations: &[DVec3], law: Law) -> Vec<LawValues> {
+/// For several rates, and the rates `dampings` at which the motion dies away, the best amplitudes and phase by linear
+/// least squares, the three best of them.
+fn oscillation_starts(poses: &Poses, rotations: &[DVec3], law: Law, dampings: &[f64]) -> Vec<LawValues> {
     let times: Vec<f64> = poses.poses.iter().map(|(s, _)| *s).collect();
     let span = span_of(poses);
     let least = PERIODS_LEAST * std::f64::consts::TAU / span;
     let most = 0.25 * std::f64::consts::TAU * times.len() as f64 / span;
-    let plain = polynomial_start(poses, rotations, law);
     let shifts: Vec<DVec3> = poses.poses.iter().map(|(_, pose)| pose.centre - poses.first).collect();
     let mut starts: Vec<(f64, LawValues)> = Vec::new();
-    for index in 0..RATES {
-        let rate = least * (most / least).max(1.0).powf(index as f64 / (RATES - 1) as f64);
-        let sine: Vec<f64> = times.iter().map(|s| (rate * s).sin()).collect();
-        let cosine: Vec<f64> = times.iter().map(|s| (rate * s).cos() - 1.0).collect();
-        let mut values = plain;
+    let rates = (0..RATES).map(|k| least * (most / least).max(1.0).powf(k as f64 / (RATES - 1) as f64));
+    let plain: Vec<LawValues> = dampings.iter().map(|k| polynomial_start(poses, rotations, law, *k)).collect();
+    for (rate, plain) in rates.flat_map(|rate| plain.iter().map(move |plain| (rate, plain))) {
+        let damping = plain.damping();
+        let sine: Vec<f64> = times.iter().map(|s| fading(damping, *s) * (rate * s).sin()).collect();
+        let cosine: Vec<f64> = times.iter().map(|s| fading(damping, *s) * (rate * s).cos() - 1.0).collect();
+        let mut values = *plain;
         for (term, data, even) in [
             (Term::Swing, rotations, [Term::Spin, Term::SpinUp]),
             (Term::Sway, shifts.as_slice(), [Term::Velocity, Term::Acceleration]),
@@ -339,7 +347,7 @@ fn refine(poses: &Poses, law: Law, values: LawValues) -> (LawValues, f64) {
 }
 
 /// The numbers of laws in a fixed order are those of [`LawValues`].
-const _: () = assert!(NUMBERS == 23);
+const _: () = assert!(NUMBERS == 24);
 
 #[cfg(test)]
 mod tests {
@@ -387,6 +395,9 @@ mod tests {
         values = law.constrained(values, 0.75);
         if law.has(Term::Oscillation) {
             values.set_oscillation(7.0, 1.1);
+        }
+        if law.has(Term::Damping) {
+            values.set_damping(1.7);
         }
         values
     }

@@ -4,13 +4,17 @@
 //! a body with its centre at `c` in the first frame has its centre at `c + v s + a s^2 / 2 + u o(s) - (R(s) - 1) d`;
 //! `d` leads from the centre to the pivot of a rotation about a fixed point, which a pendulum or a hinge has. Terms
 //! that a law does not have are zero. A rotation about a pivot that speeds up does so about one axis: `b` is parallel
-//! to `w`.
+//! to `w`. What dies away at a rate `k` has `(1 - exp(-k s)) / k` for `s` in the even terms, and `exp(-k s)` before the
+//! first sine of `o`.
 
 use gs_burn::glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// Numbers of a law with every term.
-pub const NUMBERS: usize = 23;
+pub const NUMBERS: usize = 24;
+
+/// Added to the rate `k`, per unit of time: the quotient stays finite, and nothing dies away at it.
+pub(super) const DAMPING_FLOOR: f64 = 1e-4;
 
 /// A term of a law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,11 +35,13 @@ pub enum Term {
     Oscillation,
     /// `d`: the rotation is about a fixed pivot.
     Pivot,
+    /// `k`: the motion dies away.
+    Damping,
 }
 
 impl Term {
     /// All terms, in the order of their numbers.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Velocity,
         Self::Acceleration,
         Self::Spin,
@@ -44,36 +50,41 @@ impl Term {
         Self::Sway,
         Self::Oscillation,
         Self::Pivot,
+        Self::Damping,
     ];
 
     /// Its numbers among all [`NUMBERS`].
     pub fn numbers(self) -> std::ops::Range<usize> {
-        let first = 3 * self as usize - if self == Self::Pivot { 1 } else { 0 };
-        first..first + if self == Self::Oscillation { 2 } else { 3 }
+        match self {
+            Self::Oscillation => 18..20,
+            Self::Pivot => 20..23,
+            Self::Damping => 23..24,
+            vector => 3 * vector as usize..3 * vector as usize + 3,
+        }
     }
 }
 
 /// A set of terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Law(u8);
+pub struct Law(u16);
 
 impl Law {
     /// The law with these terms.
     pub const fn of(terms: &[Term]) -> Self {
         let (mut bits, mut index) = (0, 0);
         while index < terms.len() {
-            bits |= 1 << terms[index] as u8;
+            bits |= 1 << terms[index] as u16;
             index += 1;
         }
         Self(bits)
     }
 
     /// The laws among which a body's is chosen, simplest first.
-    pub const ALL: [Self; 17] = {
+    pub const ALL: [Self; 20] = {
         use Term::{
-            Acceleration as A, Oscillation as O, Pivot as P, Spin as S, SpinUp as U, Sway as Y, Swing as W,
-            Velocity as V,
+            Acceleration as A, Damping as D, Oscillation as O, Pivot as P, Spin as S, SpinUp as U, Sway as Y,
+            Swing as W, Velocity as V,
         };
         [
             Self::of(&[]),
@@ -84,6 +95,9 @@ impl Law {
             Self::of(&[Y, O]),
             Self::of(&[W, O, P]),
             Self::of(&[S, U, P]),
+            Self::of(&[S, P, D]),
+            Self::of(&[Y, O, D]),
+            Self::of(&[W, O, P, D]),
             Self::of(&[V, A, S]),
             Self::of(&[V, S, U]),
             Self::of(&[V, W, O]),
@@ -117,13 +131,16 @@ impl Law {
 
     /// Whether the law has a term.
     pub fn has(self, term: Term) -> bool {
-        self.0 & (1 << term as u8) != 0
+        self.0 & (1 << term as u16) != 0
     }
 
     /// Whether only known terms are set, after it was read from a file.
     pub fn is_known(self) -> bool {
-        // Eight terms fill the byte.
-        !self.has(Term::Oscillation) || self.has(Term::Swing) || self.has(Term::Sway)
+        let oscillates = self.has(Term::Swing) || self.has(Term::Sway);
+        let moves = oscillates || self.has(Term::Spin) || self.has(Term::Velocity);
+        self.0 < 1 << Term::ALL.len()
+            && (!self.has(Term::Oscillation) || oscillates)
+            && (!self.has(Term::Damping) || moves)
     }
 
     /// 1 for each number that the law has.
@@ -163,6 +180,13 @@ impl Law {
 
     /// The law in words.
     pub fn in_words(self) -> &'static str {
+        if self.has(Term::Damping) {
+            return match (self.has(Term::Sway), self.has(Term::Swing)) {
+                (true, _) => "sways, ever less",
+                (_, true) => "swings about a pivot, ever less",
+                _ => "rotates about a pivot and spins down",
+            };
+        }
         let translation = match (self.has(Term::Velocity), self.has(Term::Acceleration), self.has(Term::Sway)) {
             (_, _, true) => "sways",
             (_, true, false) => "accelerates",
@@ -241,26 +265,48 @@ impl LawValues {
         self.0[first..first + 2].copy_from_slice(&[rate, phase]);
     }
 
+    /// The rate at which the motion dies away, per unit of time; 0: it does not.
+    pub fn damping(&self) -> f64 {
+        self.0[Term::Damping.numbers().start].abs()
+    }
+
+    /// Sets the rate at which the motion dies away.
+    pub fn set_damping(&mut self, rate: f64) {
+        self.0[Term::Damping.numbers().start] = rate;
+    }
+
     /// The rotation vector `s` after the first frame.
     pub fn rotation_vector(&self, s: f64) -> DVec3 {
         let swing = self.vector(Term::Swing) * self.swing(s);
-        self.vector(Term::Spin) * s + self.vector(Term::SpinUp) * (0.5 * s * s) + swing
+        self.vector(Term::Spin) * even(self.damping(), s) + self.vector(Term::SpinUp) * (0.5 * s * s) + swing
     }
 
     fn swing(&self, s: f64) -> f64 {
         let (rate, phase) = self.oscillation();
-        (rate * s + phase).sin() - phase.sin()
+        fading(self.damping(), s) * (rate * s + phase).sin() - phase.sin()
     }
 
     /// The pose `s` after the first frame of a body whose centre was at `first`.
     pub fn pose(&self, first: DVec3, s: f64) -> BodyPose {
         let rotation = DQuat::from_scaled_axis(self.rotation_vector(s));
-        let translation = self.vector(Term::Velocity) * s
+        let translation = self.vector(Term::Velocity) * even(self.damping(), s)
             + self.vector(Term::Acceleration) * (0.5 * s * s)
             + self.vector(Term::Sway) * self.swing(s);
         let pivot = self.vector(Term::Pivot);
         BodyPose { rotation, centre: first + translation + pivot - rotation * pivot }
     }
+}
+
+/// What has moved evenly `s` after it began, as a time, of a motion that dies away at the rate `damping`; 0: it does
+/// not.
+pub(super) fn even(damping: f64, s: f64) -> f64 {
+    let rate = damping + DAMPING_FLOOR;
+    if damping == 0.0 { s } else { -(-rate * s).exp_m1() / rate }
+}
+
+/// What is left of an amplitude after `s`.
+pub(super) fn fading(damping: f64, s: f64) -> f64 {
+    if damping == 0.0 { 1.0 } else { (-(damping + DAMPING_FLOOR) * s).exp() }
 }
 
 #[cfg(test)]

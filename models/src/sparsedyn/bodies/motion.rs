@@ -10,7 +10,7 @@ use gs_burn::glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::basis::{EVEN, MOTION, free};
-use super::law::{BodyPose, Law, LawValues, NUMBERS, Term};
+use super::law::{BodyPose, DAMPING_FLOOR, Law, LawValues, NUMBERS, Term};
 use super::nodes::{NodeFrame, Skin, strain};
 use super::transforms::{Turn, Way, constant};
 use crate::rotation::product;
@@ -59,7 +59,7 @@ impl Span {
 /// The motions of `B` bodies and `K` nodes.
 #[derive(Module, Debug)]
 pub struct Bodies {
-    /// `[B, 23]` numbers of the laws; lengths in units of `span.length`.
+    /// `[B, 24]` numbers of the laws; lengths in units of `span.length`.
     pub numbers: Param<Tensor<2>>,
     /// `[B, 6 (P + 8)]` of the free motions, the last 8 unused: for each function of time a shift in units of
     /// `span.length` and a rotation vector, radians.
@@ -289,15 +289,32 @@ impl Bodies {
         let vector = |term: Term| numbers.clone().narrow(1, term.numbers().start, 3);
         let first = Term::Oscillation.numbers().start;
         let (rate, phase) = (numbers.clone().narrow(1, first, 1), numbers.clone().narrow(1, first + 1, 1));
-        let swing = (rate * s.clone() + phase.clone()).sin() - phase.sin();
         let half = s.clone().square() * 0.5;
+        let wave = (rate * s.clone() + phase.clone()).sin();
+        let (even, wave) = self.damped(&numbers, s, wave);
+        let swing = wave - phase.sin();
         let (spin, up) = self.on_one_axis(vector(Term::Spin), vector(Term::SpinUp));
-        let rotation = spin * s.clone() + up * half.clone() + vector(Term::Swing) * swing.clone();
+        let rotation = spin * even.clone() + up * half.clone() + vector(Term::Swing) * swing.clone();
         let pivot = vector(Term::Pivot);
         // `-(R - 1) d`.
         let about = Factors::of(&rotation).turned_by(&rotation, &pivot);
-        let shift = vector(Term::Velocity) * s + vector(Term::Acceleration) * half + vector(Term::Sway) * swing - about;
+        let shift =
+            vector(Term::Velocity) * even + vector(Term::Acceleration) * half + vector(Term::Sway) * swing - about;
         Turn { rotation, shift: shift * self.span.length }
+    }
+
+    /// The time `s` of even terms, and the sine of oscillations, both `[B, 1]`, with what dies away.
+    fn damped(&self, numbers: &Tensor<2>, s: Tensor<2>, wave: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
+        if !self.frames.iter().any(|frame| frame.law.has(Term::Damping)) {
+            return (s, wave);
+        }
+        let on = self.constant(&s, 1, |frame| vec![f64::from(u8::from(frame.law.has(Term::Damping)))]);
+        let rate = numbers.clone().narrow(1, Term::Damping.numbers().start, 1).abs() + DAMPING_FLOOR;
+        let angle = rate.clone() * s.clone() * on.clone();
+        // `1 - exp(-x)` by the hyperbolic tangent, which keeps the digits of a small `x`.
+        let half = (angle.clone() * 0.5).tanh();
+        let moved = half.clone() * 2.0 / (half + 1.0) / rate;
+        (s.clone() - s * on.clone() + moved * on, wave * (-angle).exp())
     }
 
     /// [`Law::constrained`] for all bodies, differentiable: `[B, 3]` rotations and angular accelerations.
@@ -380,7 +397,7 @@ fn padded(mut values: Vec<f64>, columns: usize) -> Vec<f64> {
     values
 }
 
-/// `[B, 23]` numbers of laws in units of `length`.
+/// `[B, 24]` numbers of laws in units of `length`.
 fn numbers(all: impl ExactSizeIterator<Item = LawValues>, length: f64, device: &Device) -> Tensor<2> {
     let count = all.len();
     let scaled =

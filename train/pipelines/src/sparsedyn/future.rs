@@ -245,7 +245,7 @@ impl Extrapolation for RolledFuture {
 /// The numbers of a term in the data set's unit of time.
 fn in_unit(term: Term, numbers: &[f64], clock: &Clock) -> Vec<f64> {
     let per = match term {
-        Term::Velocity | Term::Spin => clock.unit,
+        Term::Velocity | Term::Spin | Term::Damping => clock.unit,
         Term::Acceleration | Term::SpinUp => clock.unit * clock.unit,
         // The rate; the phase has no unit of time.
         Term::Oscillation => return numbers.iter().zip([clock.unit, 1.0]).map(|(x, per)| x / per).collect(),
@@ -265,6 +265,7 @@ fn named(term: Term) -> String {
         Term::Sway => "sway",
         Term::Oscillation => "rate_and_phase",
         Term::Pivot => "pivot_from_centre",
+        Term::Damping => "damping_rate",
     }
     .into()
 }
