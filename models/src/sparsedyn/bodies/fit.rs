@@ -3,7 +3,7 @@
 use gs_burn::glam::{DMat3, DQuat, DVec3};
 
 use super::basis::{EVEN, MOTION, free};
-use super::law::{BodyPose, Law, LawValues, NUMBERS, Term, even, fading};
+use super::law::{BodyPose, Law, LawValues, Term, even, fading};
 use super::least_squares::{damped, linear};
 use super::motion::Span;
 
@@ -65,8 +65,11 @@ const PERIODS_LEAST: f64 = 0.3;
 /// Rates tried for an oscillation, from the least to one period in four poses.
 const RATES: usize = 48;
 
-/// Rates tried for what dies away, per time that the poses cover.
+/// Rates tried for what dies away, per time that the poses cover: from a quarter lost to a twentieth left.
 const DAMPINGS: [f64; 3] = [0.3, 1.0, 3.0];
+
+/// Largest such rate: what has died away within the first tenth of the poses is a jump, and no law of their motion.
+const DAMPING_MOST: f64 = 10.0;
 
 /// Cost of a law by which few things move, on the scale of BIC: 10 is very strong evidence there, and laws are compared
 /// by two terms of that scale. A block that falls and turns is nearly one that turns about a point off its
@@ -96,7 +99,10 @@ pub fn fit_law(poses: &Poses, law: Law) -> Option<Fitted> {
     };
     let refined = starts.into_iter().map(|values| refine(poses, law, values));
     let least = PERIODS_LEAST * std::f64::consts::TAU / span_of(poses);
-    let stands = |values: &LawValues| !law.has(Term::Oscillation) || values.oscillation().0.abs() >= least;
+    let stands = |values: &LawValues| {
+        (!law.has(Term::Oscillation) || values.oscillation().0.abs() >= least)
+            && values.damping() * span_of(poses) <= DAMPING_MOST
+    };
     let usable = refined.filter(|(values, sum)| sum.is_finite() && stands(values));
     let (values, sum) = usable.min_by(|a, b| a.1.total_cmp(&b.1))?;
     let count = (3 * MARKERS.len() * poses.poses.len()) as f64;
@@ -248,23 +254,20 @@ fn span_of(poses: &Poses) -> f64 {
     poses.poses.iter().fold(0.0_f64, |most, (s, _)| most.max(s.abs())).max(f64::MIN_POSITIVE)
 }
 
-/// For several rates, and the rates `dampings` at which the motion dies away, the best amplitudes and phase by linear
-/// least squares, the three best of them.
+/// For several rates the best amplitudes and phase by linear least squares, with the best of the rates `dampings` at
+/// which the motion dies away; the three best of them.
 fn oscillation_starts(poses: &Poses, rotations: &[DVec3], law: Law, dampings: &[f64]) -> Vec<LawValues> {
     let times: Vec<f64> = poses.poses.iter().map(|(s, _)| *s).collect();
     let span = span_of(poses);
     let least = PERIODS_LEAST * std::f64::consts::TAU / span;
     let most = 0.25 * std::f64::consts::TAU * times.len() as f64 / span;
     let shifts: Vec<DVec3> = poses.poses.iter().map(|(_, pose)| pose.centre - poses.first).collect();
-    let mut starts: Vec<(f64, LawValues)> = Vec::new();
-    let rates = (0..RATES).map(|k| least * (most / least).max(1.0).powf(k as f64 / (RATES - 1) as f64));
-    let plain: Vec<LawValues> = dampings.iter().map(|k| polynomial_start(poses, rotations, law, *k)).collect();
-    for (rate, plain) in rates.flat_map(|rate| plain.iter().map(move |plain| (rate, plain))) {
+    let start = |rate: f64, plain: &LawValues| {
         let damping = plain.damping();
         let sine: Vec<f64> = times.iter().map(|s| fading(damping, *s) * (rate * s).sin()).collect();
         let cosine: Vec<f64> = times.iter().map(|s| fading(damping, *s) * (rate * s).cos() - 1.0).collect();
         let mut values = *plain;
-        for (term, data, even) in [
+        for (term, data, steady) in [
             (Term::Swing, rotations, [Term::Spin, Term::SpinUp]),
             (Term::Sway, shifts.as_slice(), [Term::Velocity, Term::Acceleration]),
         ] {
@@ -272,9 +275,9 @@ fn oscillation_starts(poses: &Poses, rotations: &[DVec3], law: Law, dampings: &[
                 continue;
             }
             let mut columns = vec![sine.clone(), cosine.clone()];
-            let used: Vec<Term> = even.into_iter().filter(|term| law.has(*term)).collect();
+            let used: Vec<Term> = steady.into_iter().filter(|term| law.has(*term)).collect();
             for other in &used {
-                let second = *other == even[1];
+                let second = *other == steady[1];
                 columns.push(times.iter().map(|s| if second { 0.5 * s * s } else { *s }).collect());
             }
             let found = linear(&columns, data);
@@ -285,8 +288,14 @@ fn oscillation_starts(poses: &Poses, rotations: &[DVec3], law: Law, dampings: &[
                 values.set(other, *found);
             }
         }
-        starts.push((misfit(poses, &values), values));
-    }
+        (misfit(poses, &values), values)
+    };
+    let plain: Vec<LawValues> = dampings.iter().map(|k| polynomial_start(poses, rotations, law, *k)).collect();
+    let of_rate = |index: usize| {
+        let rate = least * (most / least).max(1.0).powf(index as f64 / (RATES - 1) as f64);
+        plain.iter().map(|plain| start(rate, plain)).min_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let mut starts: Vec<(f64, LawValues)> = (0..RATES).filter_map(of_rate).collect();
     starts.sort_by(|a, b| a.0.total_cmp(&b.0));
     starts.into_iter().take(3).map(|(_, values)| values).collect()
 }
@@ -345,9 +354,6 @@ fn refine(poses: &Poses, law: Law, values: LawValues) -> (LawValues, f64) {
     }
     (values, sum)
 }
-
-/// The numbers of laws in a fixed order are those of [`LawValues`].
-const _: () = assert!(NUMBERS == 24);
 
 #[cfg(test)]
 mod tests {

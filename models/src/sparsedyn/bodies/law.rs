@@ -4,8 +4,8 @@
 //! a body with its centre at `c` in the first frame has its centre at `c + v s + a s^2 / 2 + u o(s) - (R(s) - 1) d`;
 //! `d` leads from the centre to the pivot of a rotation about a fixed point, which a pendulum or a hinge has. Terms
 //! that a law does not have are zero. A rotation about a pivot that speeds up does so about one axis: `b` is parallel
-//! to `w`. What dies away at a rate `k` has `(1 - exp(-k s)) / k` for `s` in the even terms, and `exp(-k s)` before the
-//! first sine of `o`.
+//! to `w`. What dies away at a rate `k` has, for `s > 0`, `(1 - exp(-k s)) / k` for `s` in the even terms, and
+//! `exp(-k s)` before the first sine of `o`.
 
 use gs_burn::glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -134,13 +134,9 @@ impl Law {
         self.0 & (1 << term as u16) != 0
     }
 
-    /// Whether only known terms are set, after it was read from a file.
+    /// Whether it is one of [`Law::ALL`], after it was read from a file.
     pub fn is_known(self) -> bool {
-        let oscillates = self.has(Term::Swing) || self.has(Term::Sway);
-        let moves = oscillates || self.has(Term::Spin) || self.has(Term::Velocity);
-        self.0 < 1 << Term::ALL.len()
-            && (!self.has(Term::Oscillation) || oscillates)
-            && (!self.has(Term::Damping) || moves)
+        Self::ALL.contains(&self)
     }
 
     /// 1 for each number that the law has.
@@ -165,7 +161,8 @@ impl Law {
         self.has(Term::Spin) && self.has(Term::SpinUp) && self.has(Term::Pivot) && !self.has(Term::Velocity)
     }
 
-    /// `values` with rotation and angular acceleration along one axis where the law asks for it. `duration` is the time
+    /// `values` with rotation and angular acceleration along one axis where the law asks for it, and a rate of dying
+    /// away that is not negative. `duration` is the time
     /// over which the two are weighed against each other.
     pub fn constrained(self, mut values: LawValues, duration: f64) -> LawValues {
         if self.has_one_axis() {
@@ -175,6 +172,7 @@ impl Law {
             values.set(Term::Spin, axis * spin.dot(axis));
             values.set(Term::SpinUp, axis * up.dot(axis));
         }
+        values.set_damping(values.damping());
         values
     }
 
@@ -297,16 +295,16 @@ impl LawValues {
     }
 }
 
-/// What has moved evenly `s` after it began, as a time, of a motion that dies away at the rate `damping`; 0: it does
-/// not.
+/// What has moved evenly `s` after it began, as a time, of a motion that dies away at the rate `damping` from there on;
+/// 0: it does not.
 pub(super) fn even(damping: f64, s: f64) -> f64 {
     let rate = damping + DAMPING_FLOOR;
-    if damping == 0.0 { s } else { -(-rate * s).exp_m1() / rate }
+    if damping == 0.0 || s <= 0.0 { s } else { -(-rate * s).exp_m1() / rate }
 }
 
 /// What is left of an amplitude after `s`.
 pub(super) fn fading(damping: f64, s: f64) -> f64 {
-    if damping == 0.0 { 1.0 } else { (-(damping + DAMPING_FLOOR) * s).exp() }
+    if damping == 0.0 || s <= 0.0 { 1.0 } else { (-(damping + DAMPING_FLOOR) * s).exp() }
 }
 
 #[cfg(test)]

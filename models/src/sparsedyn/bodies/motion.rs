@@ -291,7 +291,7 @@ impl Bodies {
         let (rate, phase) = (numbers.clone().narrow(1, first, 1), numbers.clone().narrow(1, first + 1, 1));
         let half = s.clone().square() * 0.5;
         let wave = (rate * s.clone() + phase.clone()).sin();
-        let (even, wave) = self.damped(&numbers, s, wave);
+        let (even, wave) = self.damped(&numbers, (s, wave), time);
         let swing = wave - phase.sin();
         let (spin, up) = self.on_one_axis(vector(Term::Spin), vector(Term::SpinUp));
         let rotation = spin * even.clone() + up * half.clone() + vector(Term::Swing) * swing.clone();
@@ -303,12 +303,13 @@ impl Bodies {
         Turn { rotation, shift: shift * self.span.length }
     }
 
-    /// The time `s` of even terms, and the sine of oscillations, both `[B, 1]`, with what dies away.
-    fn damped(&self, numbers: &Tensor<2>, s: Tensor<2>, wave: Tensor<2>) -> (Tensor<2>, Tensor<2>) {
+    /// The time `s` of even terms, and the sine of oscillations, both `[B, 1]`, with what dies away, at `time`.
+    fn damped(&self, numbers: &Tensor<2>, (s, wave): (Tensor<2>, Tensor<2>), time: f64) -> (Tensor<2>, Tensor<2>) {
         if !self.frames.iter().any(|frame| frame.law.has(Term::Damping)) {
             return (s, wave);
         }
-        let on = self.constant(&s, 1, |frame| vec![f64::from(u8::from(frame.law.has(Term::Damping)))]);
+        let fades = |frame: &BodyFrame| frame.law.has(Term::Damping) && frame.law_time(&self.span, time) > 0.0;
+        let on = self.constant(&s, 1, |frame| vec![f64::from(u8::from(fades(frame)))]);
         let rate = numbers.clone().narrow(1, Term::Damping.numbers().start, 1).abs() + DAMPING_FLOOR;
         let angle = rate.clone() * s.clone() * on.clone();
         // `1 - exp(-x)` by the hyperbolic tangent, which keeps the digits of a small `x`.

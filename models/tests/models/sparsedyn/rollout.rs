@@ -33,9 +33,9 @@ fn an_untrained_field_moves_nothing() {
 #[test]
 fn squared_accelerations_are_those_of_trace() {
     let place = reference();
-    let plain = constant_field(&place, [[1.0, 2.0, 3.0], [3.0, -4.0, 0.0], [-0.5, 0.1, 0.2], [-2.0, 1.0, 6.0]]);
+    let plain = constant_field(place, [[1.0, 2.0, 3.0], [3.0, -4.0, 0.0], [-0.5, 0.1, 0.2], [-2.0, 1.0, 6.0]]);
     let squared = DynamicsField { squared: true, ..plain.clone() };
-    let positions = start(&place, 3).positions;
+    let positions = start(place, 3).positions;
     let (plain, squared) = (plain.forward(positions.clone(), 0.4), squared.forward(positions, 0.4));
     assert_eq!(values(&squared.velocity), values(&plain.velocity));
     assert_eq!(values(&squared.angular), values(&plain.angular));
@@ -50,7 +50,7 @@ fn squared_accelerations_are_those_of_trace() {
     }
     let begins = DynamicsFieldConfig::new(CENTRE, 2.0).with_width(8).with_squared(true).init(&place.device);
     let begins = gs_burn::map_parameters(begins, |_, table| table.cast(place.dtype));
-    let raw = values(&begins.forward(start(&place, 3).positions, 0.4).acceleration);
+    let raw = values(&begins.forward(start(place, 3).positions, 0.4).acceleration);
     assert!(raw.iter().all(|x| *x != 0.0), "a gradient moves them: {raw:?}");
 }
 

@@ -9,7 +9,7 @@ use gs_burn::glam::DVec3;
 use gs_datasets::View;
 use gs_models::sparsedyn::Phase;
 use gs_models::sparsedyn::bodies::basis::MOTION;
-use gs_models::sparsedyn::bodies::fit::{Poses, compare_laws};
+use gs_models::sparsedyn::bodies::fit::{Fitted, Poses, fit_law};
 use gs_models::sparsedyn::bodies::parts::divided;
 use gs_models::sparsedyn::bodies::{Bodies, Body, BodyFrame, Law, LawValues, NodeFrame, Term};
 
@@ -17,7 +17,7 @@ use super::config::{BodiesConfig, BodyUse, MotionModel};
 use super::count::{bodies_at, laws_at};
 use super::cues::warmup_steps;
 use super::evidence::may_move;
-use super::groups::{FEWEST, Lengths, alike};
+use super::groups::{FEWEST, Lengths, alike, all_labelled};
 use super::judges::{Judges, PHOTOS_WEIGHT, said, with_one};
 use super::laws::with_laws;
 use super::poses::{members, middle, nearest, paths, pixel_size, poses_of, rests, vectors, weights_of};
@@ -79,11 +79,14 @@ fn with_bodies(
     }
     let seen = seen_times(at);
     let paths: Vec<Vec<DVec3>> = paths(&model, &model.first_positions(gaussians), seen);
-    let weights = weights_of(&model, gaussians, &(0..known.len()).collect::<Vec<usize>>());
+    let weights = weights_of(&model, gaussians);
     let pixel = pixel_size(views, middle(&paths[0], &weights));
     let still = at.config.method.moving.still_pixels * pixel;
     let lengths = Lengths { pixel, still, noise: config.noise_pixels * pixel };
-    let labels = alike(&paths, &weights, seen, &known, &lengths);
+    let mut labels = alike(&paths, &weights, seen, &known, &lengths);
+    if is_last {
+        labels = all_labelled(&labels, &paths[0]);
+    }
     let mut bodies = model.bodies.as_ref().map(Bodies::all).unwrap_or_default();
     if bodies.is_empty() {
         model.frame.pixel = pixel;
@@ -100,7 +103,7 @@ fn with_bodies(
             continue;
         }
         let poses = poses_of(&paths, &own, &weights, seen, lengths.noise);
-        if own.len() < FEWEST || !is_last && rests(&poses, still) {
+        if !is_last && rests(&poses, still) {
             continue;
         }
         let frame = BodyFrame::of(poses.first.to_array(), Law::of(&[]), model.frame.span[1]);
@@ -137,11 +140,11 @@ type Motion = Vec<[f64; MOTION]>;
 /// field's paths alone are no good evidence of a rotation: its photos are few frames, and it may turn what slides.
 /// `judge` gives the errors of the photos.
 fn first_motion(poses: &Poses, judge: impl Fn(&[Motion]) -> Vec<Option<f64>>) -> Motion {
-    let fitted = compare_laws(poses, &Law::SMOOTH);
+    let fitted: Vec<Fitted> = Law::SMOOTH.iter().filter_map(|law| fit_law(poses, *law)).collect();
     let mut all: Vec<Motion> = vec![Vec::new()];
     all.extend(fitted.iter().map(|fitted| free_of(&fitted.values)));
     let freedom = std::iter::once(0).chain(fitted.iter().map(|fitted| fitted.law.freedom()));
-    let cost = |(error, freedom): (Option<f64>, usize)| said(error, 1.0) + freedom as f64 * PHOTOS_WEIGHT.ln();
+    let cost = |(error, freedom): (Option<f64>, usize)| said(error) + freedom as f64 * PHOTOS_WEIGHT.ln();
     let costs = judge(&all).into_iter().zip(freedom).map(cost);
     let best = costs.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(index, _)| index);
     all.swap_remove(best)

@@ -46,11 +46,13 @@ pub struct Lengths {
 
 /// The group of each Gaussian, from 0 on: neighbours that move alike along `paths` of the frames at `times`, and
 /// Gaussians of one rigid motion. `known` names the body of each, -1 for none; a body is in one group. What rests is
-/// not in a group with what moves, unless they are a body or one rigid motion.
+/// in a group with what moves only as part of a body or of one rigid motion. Groups of fewer than [`FEWEST`] have -1.
 pub fn alike(paths: &[Vec<DVec3>], weights: &[f64], times: &[f64], known: &[i32], of: &Lengths) -> Vec<i32> {
     let groups = rigid_groups(paths, weights, times, known, of);
     let squares = |i: usize| paths.iter().map(|now| now[i].distance_squared(paths[0][i])).sum::<f64>();
-    let rest: Vec<bool> = (0..groups.len()).map(|i| squares(i) <= of.still.powi(2) * paths.len() as f64).collect();
+    // What rests near the axis of a body would link it with all that rests beside it.
+    let rests = |i: usize| groups[i].is_none() && squares(i) <= of.still.powi(2) * paths.len() as f64;
+    let rest: Vec<bool> = (0..groups.len()).map(rests).collect();
     linked(paths, &groups, &rest, 2.0 * of.noise)
 }
 
@@ -101,7 +103,7 @@ fn is_beside(paths: &[Vec<DVec3>], i: usize, motion: &Poses, still: f64) -> bool
 
 /// The group of each Gaussian, from 0 on: the connected groups of neighbours that move alike along `paths`,
 /// which err by `noise`, scene units, and of Gaussians of one rigid group. What rests is not linked with what moves.
-/// Groups of fewer than [`FEWEST`] go with the nearest larger one.
+/// Groups of fewer than [`FEWEST`] have -1.
 fn linked(paths: &[Vec<DVec3>], groups: &[Option<u32>], rest: &[bool], noise: f64) -> Vec<i32> {
     let Some(first) = paths.first() else { return Vec::new() };
     let count = first.len();
@@ -132,19 +134,17 @@ fn linked(paths: &[Vec<DVec3>], groups: &[Option<u32>], rest: &[bool], noise: f6
             }
         }
     }
-    let is_large = |i: usize| sizes[labels[i] as usize] >= FEWEST;
-    let large: Vec<usize> = (0..count).filter(|i| is_large(*i)).collect();
-    let joined = |i: usize| {
-        let alike = large.iter().copied().filter(|j| rest[*j] == rest[i]);
-        let near = nearest(first, first[i], alike).or_else(|| nearest(first, first[i], large.iter().copied()));
-        let near = || near.map_or(0, |near| labels[near]);
-        if is_large(i) { labels[i] } else { near() }
-    };
-    let joined: Vec<i32> = (0..count).map(joined).collect();
-    let mut names = joined.clone();
+    let mut names: Vec<i32> = labels.iter().copied().filter(|label| sizes[*label as usize] >= FEWEST).collect();
     names.sort_unstable();
     names.dedup();
-    joined.iter().map(|label| names.binary_search(label).unwrap_or(0) as i32).collect()
+    labels.iter().map(|label| names.binary_search(label).map_or(-1, |number| number as i32)).collect()
+}
+
+/// `labels` in which what has none, -1, goes with the nearest of `places` that has one.
+pub fn all_labelled(labels: &[i32], places: &[DVec3]) -> Vec<i32> {
+    let labelled = || (0..labels.len()).filter(|i| labels[*i] >= 0);
+    let near = |i: usize| nearest(places, places[i], labelled()).map_or(0, |near| labels[near]);
+    (0..labels.len()).map(|i| if labels[i] >= 0 { labels[i] } else { near(i) }).collect()
 }
 
 #[cfg(test)]
@@ -161,15 +161,15 @@ mod tests {
             first.iter().enumerate().map(|(i, at)| *at + shift(i)).collect()
         };
         let (alone, rest) = ([None; 41], [false; 41]);
-        assert_eq!(linked(&[first.clone(), moved(0.01)], &alone, &rest, 0.01), [0; 41]);
+        let together = linked(&[first.clone(), moved(0.01)], &alone, &rest, 0.01);
+        assert!(together[..40] == [0; 40] && together[40] == -1, "a stray: {together:?}");
+        assert_eq!(all_labelled(&together, &first), [0; 41]);
         let paths = [first.clone(), moved(0.01), moved(0.5)];
         let apart = linked(&paths, &alone, &rest, 0.01);
-        assert!(
-            apart[..20].iter().all(|label| *label == 0) && apart[20..].iter().all(|label| *label == 1),
-            "{apart:?}"
-        );
+        assert!(apart[..20] == [0; 20] && apart[20..40] == [1; 20] && apart[40] == -1, "{apart:?}");
         assert_eq!(linked(&paths, &[Some(3); 41], &rest, 0.01), [0; 41], "one rigid group");
         assert!(linked(&[], &[], &[], 0.01).is_empty());
-        assert_eq!(linked(&[first[..3].to_vec()], &alone[..3], &rest[..3], 0.01), [0; 3], "few are one body");
+        assert_eq!(linked(&[first[..3].to_vec()], &alone[..3], &rest[..3], 0.01), [-1; 3], "few are no body");
+        assert_eq!(all_labelled(&[-1; 3], &first[..3]), [0; 3]);
     }
 }

@@ -1,4 +1,4 @@
-//! Photos as judges of a motion: how far renderings of late times are from what the cameras saw.
+//! Photos as judges of a motion: how far renderings are from what the cameras saw.
 
 use burn::tensor::Device;
 use gs_burn::{Gaussians, render};
@@ -9,8 +9,8 @@ use super::{Sparsedyn, Step};
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::camera;
 
-/// Late times whose photos judge.
-const LATE_TIMES: usize = 5;
+/// Times whose photos judge.
+const TIMES: usize = 5;
 
 /// Most photos of a time that judge.
 const PHOTOS: usize = 5;
@@ -24,10 +24,13 @@ const SAME: f32 = 2.0 / 255.0;
 /// 19.
 pub const PHOTOS_WEIGHT: f64 = 150.0;
 
-/// What the error of the photos says against a motion, beside the `least` error, in twice the negative logarithm of the
-/// likelihood; nothing where there is no error.
-pub fn said(error: Option<f64>, least: f64) -> f64 {
-    PHOTOS_WEIGHT * error.map_or(0.0, |error| (error / least).ln())
+/// Least error of photos: that of rounding to 8 bits.
+const ROUNDING: f64 = 1.0 / (255.0 * 255.0 * 12.0);
+
+/// What an error of the photos says against a motion, in twice the negative logarithm of the likelihood up to a
+/// constant; nothing where photos say nothing.
+pub fn said(error: Option<f64>) -> f64 {
+    PHOTOS_WEIGHT * error.map_or(0.0, |error| error.max(ROUNDING).ln())
 }
 
 /// Photos of some times.
@@ -39,9 +42,12 @@ pub struct Judges<'a> {
 }
 
 impl<'a> Judges<'a> {
-    /// Photos of some of `times` from frame `first` on, evenly, the last one among them.
+    /// Photos of some of `times` after frame `first`, evenly, the last one among them.
     pub fn after(first: usize, times: &[f64], views: &'a [View], gaussians: &'a Gaussians, at: &Step) -> Self {
-        let late = (1..=LATE_TIMES).map(|k| first + k * (times.len() - 1 - first) / LATE_TIMES);
+        let last = times.len().saturating_sub(1).max(first);
+        let mut frames: Vec<usize> = (1..=TIMES).map(|k| first + k * (last - first) / TIMES).collect();
+        frames.dedup();
+        frames.retain(|frame| *frame > first || last == first);
         let of_frame = |frame: usize| {
             let all = &at.cues.by_frame[frame];
             let step = all.len().div_ceil(PHOTOS).max(1);
@@ -49,13 +55,13 @@ impl<'a> Judges<'a> {
         };
         Self {
             gaussians,
-            photos: late.map(|frame| (times[frame], of_frame(frame))).collect(),
+            photos: frames.into_iter().map(|frame| (times[frame], of_frame(frame))).collect(),
             options: at.facts.render_options(&at.config.render, gaussians.sh_degree()),
         }
     }
 
     /// The mean squared difference of each model's renderings from the photos, 0 to 1, where these count and two of the
-    /// models differ; `None` without such a pixel, or where it is not finite.
+    /// models differ, infinite where it is not finite; `None` without such a pixel.
     pub fn errors(&self, models: &[Sparsedyn]) -> Vec<Option<f64>> {
         let mut sums = vec![0.0; models.len()];
         let mut count = 0.0;
@@ -78,7 +84,8 @@ impl<'a> Judges<'a> {
                 }
             }
         }
-        sums.into_iter().map(|sum: f64| Some(sum / count).filter(|mean| mean.is_finite())).collect()
+        let mean = |sum: f64| if sum.is_finite() { sum / count } else { f64::INFINITY };
+        sums.into_iter().map(|sum| (count > 0.0).then(|| mean(sum))).collect()
     }
 }
 

@@ -11,6 +11,7 @@ use gs_models::sparsedyn::bodies::parts::joined;
 use gs_models::sparsedyn::bodies::phases::{Phase, phases};
 use gs_models::sparsedyn::bodies::{Body, BodyFrame, Law, LawValues, SegmentOptions, segment};
 
+use super::groups::FEWEST;
 use super::judges::{Judges, said, with_one};
 use super::poses::{members, middle, nearest, paths, pixel_size, poses_of, rests, weights_of};
 use super::update::forget;
@@ -48,9 +49,6 @@ const PARTS: usize = 3;
 
 /// Share of a body's Gaussians that its rigid parts must hold.
 const IN_PARTS: f64 = 0.85;
-
-/// Fewest Gaussians of a part.
-const FEWEST: usize = 12;
 
 /// Times at which paths are compared with a rigid motion.
 const PATH_TIMES: usize = 16;
@@ -105,8 +103,7 @@ struct Seen<'a> {
 impl<'a> Seen<'a> {
     fn of(model: &Sparsedyn, gaussians: &'a Gaussians, views: &'a [View], at: &'a Step<'a>) -> Self {
         let paths = paths(model, &model.first_positions(gaussians), &at.cues.times);
-        let everything: Vec<usize> = (0..model.frame.rows.len()).collect();
-        let weights = weights_of(model, gaussians, &everything);
+        let weights = weights_of(model, gaussians);
         let pixel = pixel_size(views, middle(&paths[0], &weights));
         Self { model: model.clone(), gaussians, views, at, paths, weights, pixel }
     }
@@ -245,7 +242,6 @@ fn chosen(phases: Vec<Phase>, judge: impl Fn(&[Phase]) -> Vec<Option<f64>>) -> O
         return candidates.pop();
     }
     let errors = judge(&candidates);
-    let least = errors.iter().flatten().copied().fold(f64::INFINITY, f64::min);
     for (phase, error) in candidates.iter().zip(&errors) {
         let (law, deviation) = (phase.fitted.law.in_words(), phase.fitted.deviation);
         tracing::info!(
@@ -257,7 +253,7 @@ fn chosen(phases: Vec<Phase>, judge: impl Fn(&[Phase]) -> Vec<Option<f64>>) -> O
             "a law before photos of late times"
         );
     }
-    let all = candidates.into_iter().zip(&errors).map(|(phase, error)| (phase.cost + said(*error, least), phase));
+    let all = candidates.into_iter().zip(&errors).map(|(phase, error)| (phase.cost + said(*error), phase));
     all.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, phase)| phase)
 }
 

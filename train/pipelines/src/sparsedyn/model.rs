@@ -127,7 +127,7 @@ impl Frame {
 }
 
 impl Sparsedyn {
-    /// A module in which nothing moves yet.
+    /// A module in which nothing moves yet, but for TRACE's future.
     pub fn new(frame: Frame, dynamics: &DynamicsConfig, seed: u64, device: &Device) -> Self {
         let options = RolloutOptions {
             ask: dynamics.ask.into(),

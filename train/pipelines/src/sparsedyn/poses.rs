@@ -21,10 +21,10 @@ pub fn vectors(values: Vec<f32>) -> Vec<DVec3> {
     values.chunks_exact(3).map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect()
 }
 
-/// The opacities of the moving Gaussians that `which` names.
-pub fn weights_of(model: &Sparsedyn, gaussians: &Gaussians, which: &[usize]) -> Vec<f64> {
+/// The opacities of the moving Gaussians.
+pub fn weights_of(model: &Sparsedyn, gaussians: &Gaussians) -> Vec<f64> {
     let opacities = to_host(gaussians.opacities());
-    which.iter().map(|i| f64::from(opacities[model.frame.rows[*i] as usize])).collect()
+    model.frame.rows.iter().map(|row| f64::from(opacities[*row as usize])).collect()
 }
 
 /// The poses of a body at all frames.
