@@ -27,7 +27,7 @@ const FORMAT: &str = "gsburn-checkpoint";
 const FILE_MAX: u64 = 64 << 30;
 
 /// Changes whenever an older program could misread a file.
-const VERSION: &str = "5";
+const VERSION: &str = "4";
 
 /// The run that wrote a checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

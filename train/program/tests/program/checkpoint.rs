@@ -153,7 +153,7 @@ fn other_formats_say_which_program_wrote_them() {
     let bytes = fs::read(saved(folder.path()).path).expect("read");
     // Format 3 did not name its program.
     let old = complaint(folder.path(), &of_version(&bytes, "3", None));
-    assert!(old.contains("expected checkpoint format 5, found format 3"), "{old}");
+    assert!(old.contains("expected checkpoint format 4, found format 3"), "{old}");
     assert!(old.contains("written by an earlier gsburn") && old.contains("that program reads it"), "{old}");
     let newer = complaint(folder.path(), &of_version(&bytes, "9", Some("7.8.9")));
     assert!(newer.contains("found format 9") && newer.contains("written by gsburn 7.8.9"), "{newer}");
