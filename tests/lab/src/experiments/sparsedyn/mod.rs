@@ -39,7 +39,7 @@ pub static EXPERIMENTS: [Experiment; 9] = experiments![
     "seeds": seeds::run, [8, 3] of [1000, 120];
     /// Trained on times up to 0.5, 0.6, 0.7 and 0.75: how well are the photos from 0.75 on predicted, which are farther
     /// away the less is seen?
-    "observed": observed::run, [24, 2] of [1000, 120];
+    "observed": observed::run, [24, 2] of [1000, 240];
     /// Trained with one step of integration and rolled out with a quarter to four times that; asked for every frame and
     /// for every fourth: how far do Gaussians and photos of the future change?
     "step": step::run, [3, 3] of [1000, 120];
