@@ -295,14 +295,14 @@ impl LawValues {
     }
 }
 
-/// What has moved evenly `s` after it began, as a time, of a motion that dies away at the rate `damping` from there on;
-/// 0: it does not.
+/// The time in which an even motion goes as far as one goes in `s` that dies away at the rate `damping` from its begin
+/// on; 0: it does not.
 pub(super) fn even(damping: f64, s: f64) -> f64 {
     let rate = damping + DAMPING_FLOOR;
     if damping == 0.0 || s <= 0.0 { s } else { -(-rate * s).exp_m1() / rate }
 }
 
-/// What is left of an amplitude after `s`.
+/// The share of an amplitude that is left after `s`.
 pub(super) fn fading(damping: f64, s: f64) -> f64 {
     if damping == 0.0 || s <= 0.0 { 1.0 } else { (-(damping + DAMPING_FLOOR) * s).exp() }
 }

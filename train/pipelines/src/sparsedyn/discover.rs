@@ -18,7 +18,7 @@ use super::count::{bodies_at, laws_at};
 use super::cues::warmup_steps;
 use super::evidence::may_move;
 use super::groups::{FEWEST, Lengths, alike, all_labelled};
-use super::judges::{Judges, PHOTOS_WEIGHT, said, with_one};
+use super::judges::{Judges, PHOTOS_WEIGHT, said};
 use super::laws::with_laws;
 use super::poses::{members, middle, nearest, paths, pixel_size, poses_of, rests, vectors, weights_of};
 use super::update::forget;
@@ -85,7 +85,7 @@ fn with_bodies(
     let lengths = Lengths { pixel, still, noise: config.noise_pixels * pixel };
     let mut labels = alike(&paths, &weights, seen, &known, &lengths);
     if is_last {
-        labels = all_labelled(&labels, &paths[0]);
+        labels = all_labelled(&labels, &paths[0]).into_iter().map(Some).collect();
     }
     let mut bodies = model.bodies.as_ref().map(Bodies::all).unwrap_or_default();
     if bodies.is_empty() {
@@ -94,22 +94,21 @@ fn with_bodies(
     }
     let judges = Judges::after(0, seen, views, gaussians, at);
     let before = model.clone();
-    for label in 0..labels.iter().max().map_or(0, |most| *most + 1) {
-        let (of_bodies, own): (Vec<usize>, Vec<usize>) =
-            members(&labels, label).into_iter().partition(|i| known[*i] >= 0);
+    for label in 0..labels.iter().flatten().max().map_or(0, |most| *most + 1) {
+        let all = members(&labels, Some(label));
+        let (of_bodies, own): (Vec<usize>, Vec<usize>) = all.into_iter().partition(|i| known[*i] >= 0);
         if !of_bodies.is_empty() {
             let near = |i: usize| nearest(&paths[0], paths[0][i], of_bodies.iter().copied()).map_or(-1, |j| known[j]);
             own.iter().for_each(|i| model.frame.labels[*i] = near(*i));
             continue;
         }
-        let poses = poses_of(&paths, &own, &weights, seen, lengths.noise);
+        let poses = poses_of(&paths, &own, &weights, seen);
         if !is_last && rests(&poses, still) {
             continue;
         }
         let frame = BodyFrame::of(poses.first.to_array(), Law::of(&[]), model.frame.span[1]);
         let body = |free: &Motion| Body { free: free.clone(), ..Body::of(frame.clone(), LawValues::REST) };
-        let trial = |free: &Motion| with_one(&before, &own, body(free), &gaussians.device());
-        let free = first_motion(&poses, |all| judges.errors(&all.iter().map(trial).collect::<Vec<_>>()));
+        let free = first_motion(&poses, |all| judges.errors_of(&before, &own, all.iter().map(body)));
         if !is_last && free.is_empty() {
             continue;
         }

@@ -46,8 +46,8 @@ pub struct Lengths {
 
 /// The group of each Gaussian, from 0 on: neighbours that move alike along `paths` of the frames at `times`, and
 /// Gaussians of one rigid motion. `known` names the body of each, -1 for none; a body is in one group. What rests is
-/// in a group with what moves only as part of a body or of one rigid motion. Groups of fewer than [`FEWEST`] have -1.
-pub fn alike(paths: &[Vec<DVec3>], weights: &[f64], times: &[f64], known: &[i32], of: &Lengths) -> Vec<i32> {
+/// in a group with what moves only as part of a body or of one rigid motion. Fewer than [`FEWEST`] are no group.
+pub fn alike(paths: &[Vec<DVec3>], weights: &[f64], times: &[f64], known: &[i32], of: &Lengths) -> Vec<Option<u32>> {
     let groups = rigid_groups(paths, weights, times, known, of);
     let squares = |i: usize| paths.iter().map(|now| now[i].distance_squared(paths[0][i])).sum::<f64>();
     // What rests near the axis of a body would link it with all that rests beside it.
@@ -78,7 +78,7 @@ fn rigid_groups(paths: &[Vec<DVec3>], weights: &[f64], times: &[f64], known: &[i
         if own.is_empty() {
             continue;
         }
-        let poses = poses_of(paths, &own, weights, times, 0.0);
+        let poses = poses_of(paths, &own, weights, times);
         if !rests(&poses, of.still) {
             let within = own.into_iter().filter(|i| !is_beside(paths, *i, &poses, of.still));
             within.for_each(|i| groups[i] = Some(bodies + group));
@@ -103,8 +103,8 @@ fn is_beside(paths: &[Vec<DVec3>], i: usize, motion: &Poses, still: f64) -> bool
 
 /// The group of each Gaussian, from 0 on: the connected groups of neighbours that move alike along `paths`,
 /// which err by `noise`, scene units, and of Gaussians of one rigid group. What rests is not linked with what moves.
-/// Groups of fewer than [`FEWEST`] have -1.
-fn linked(paths: &[Vec<DVec3>], groups: &[Option<u32>], rest: &[bool], noise: f64) -> Vec<i32> {
+/// Fewer than [`FEWEST`] are no group.
+fn linked(paths: &[Vec<DVec3>], groups: &[Option<u32>], rest: &[bool], noise: f64) -> Vec<Option<u32>> {
     let Some(first) = paths.first() else { return Vec::new() };
     let count = first.len();
     let next = |i: usize| Some(first[i].distance(first[nearest(first, first[i], (0..count).filter(|j| *j != i))?]));
@@ -117,34 +117,32 @@ fn linked(paths: &[Vec<DVec3>], groups: &[Option<u32>], rest: &[bool], noise: f6
         let is_near = first[i].distance(first[j]) <= link && rest[i] == rest[j];
         groups[i].is_some() && groups[i] == groups[j] || is_near && paths.iter().all(|now| move_alike(now, i, j))
     };
-    let mut labels = vec![-1; count];
+    let mut labels: Vec<Option<usize>> = vec![None; count];
     let mut sizes: Vec<usize> = Vec::new();
     for start in 0..count {
-        if labels[start] >= 0 {
+        if labels[start].is_some() {
             continue;
         }
-        let (own, mut open) = (sizes.len() as i32, vec![start]);
-        labels[start] = own;
+        let (own, mut open) = (sizes.len(), vec![start]);
+        labels[start] = Some(own);
         sizes.push(0);
         while let Some(i) = open.pop() {
-            sizes[own as usize] += 1;
-            for j in (0..count).filter(|j| labels[*j] < 0 && are_linked(i, *j)).collect::<Vec<_>>() {
-                labels[j] = own;
+            sizes[own] += 1;
+            for j in (0..count).filter(|j| labels[*j].is_none() && are_linked(i, *j)).collect::<Vec<_>>() {
+                labels[j] = Some(own);
                 open.push(j);
             }
         }
     }
-    let mut names: Vec<i32> = labels.iter().copied().filter(|label| sizes[*label as usize] >= FEWEST).collect();
-    names.sort_unstable();
-    names.dedup();
-    labels.iter().map(|label| names.binary_search(label).map_or(-1, |number| number as i32)).collect()
+    let large: Vec<usize> = (0..sizes.len()).filter(|label| sizes[*label] >= FEWEST).collect();
+    labels.iter().map(|label| large.binary_search(&(*label)?).ok().map(|number| number as u32)).collect()
 }
 
-/// `labels` in which what has none, -1, goes with the nearest of `places` that has one.
-pub fn all_labelled(labels: &[i32], places: &[DVec3]) -> Vec<i32> {
-    let labelled = || (0..labels.len()).filter(|i| labels[*i] >= 0);
-    let near = |i: usize| nearest(places, places[i], labelled()).map_or(0, |near| labels[near]);
-    (0..labels.len()).map(|i| if labels[i] >= 0 { labels[i] } else { near(i) }).collect()
+/// `labels` in which what has none goes with the nearest of `places` that has one.
+pub fn all_labelled(labels: &[Option<u32>], places: &[DVec3]) -> Vec<u32> {
+    let labelled = || (0..labels.len()).filter(|i| labels[*i].is_some());
+    let near = |i: usize| nearest(places, places[i], labelled()).and_then(|near| labels[near]).unwrap_or(0);
+    (0..labels.len()).map(|i| labels[i].unwrap_or_else(|| near(i))).collect()
 }
 
 #[cfg(test)]
@@ -162,14 +160,14 @@ mod tests {
         };
         let (alone, rest) = ([None; 41], [false; 41]);
         let together = linked(&[first.clone(), moved(0.01)], &alone, &rest, 0.01);
-        assert!(together[..40] == [0; 40] && together[40] == -1, "a stray: {together:?}");
+        assert!(together[..40] == [Some(0); 40] && together[40].is_none(), "a stray: {together:?}");
         assert_eq!(all_labelled(&together, &first), [0; 41]);
         let paths = [first.clone(), moved(0.01), moved(0.5)];
         let apart = linked(&paths, &alone, &rest, 0.01);
-        assert!(apart[..20] == [0; 20] && apart[20..40] == [1; 20] && apart[40] == -1, "{apart:?}");
-        assert_eq!(linked(&paths, &[Some(3); 41], &rest, 0.01), [0; 41], "one rigid group");
+        assert!(apart[..20] == [Some(0); 20] && apart[20..40] == [Some(1); 20] && apart[40].is_none(), "{apart:?}");
+        assert_eq!(linked(&paths, &[Some(3); 41], &rest, 0.01), [Some(0); 41], "one rigid group");
         assert!(linked(&[], &[], &[], 0.01).is_empty());
-        assert_eq!(linked(&[first[..3].to_vec()], &alone[..3], &rest[..3], 0.01), [-1; 3], "few are no body");
-        assert_eq!(all_labelled(&[-1; 3], &first[..3]), [0; 3]);
+        assert_eq!(linked(&[first[..3].to_vec()], &alone[..3], &rest[..3], 0.01), [None; 3], "few are no body");
+        assert_eq!(all_labelled(&[None; 3], &first[..3]), [0; 3]);
     }
 }

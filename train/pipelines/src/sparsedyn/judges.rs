@@ -1,6 +1,5 @@
 //! Photos as judges of a motion: how far renderings are from what the cameras saw.
 
-use burn::tensor::Device;
 use gs_burn::{Gaussians, render};
 use gs_datasets::View;
 use gs_models::sparsedyn::bodies::{Bodies, Body};
@@ -27,8 +26,8 @@ pub const PHOTOS_WEIGHT: f64 = 150.0;
 /// Least error of photos: that of rounding to 8 bits.
 const ROUNDING: f64 = 1.0 / (255.0 * 255.0 * 12.0);
 
-/// What an error of the photos says against a motion, in twice the negative logarithm of the likelihood up to a
-/// constant; nothing where photos say nothing.
+/// The evidence of an error of the photos against a motion: twice the negative logarithm of the likelihood up to a
+/// constant; 0 where photos say nothing.
 pub fn said(error: Option<f64>) -> f64 {
     PHOTOS_WEIGHT * error.map_or(0.0, |error| error.max(ROUNDING).ln())
 }
@@ -60,9 +59,26 @@ impl<'a> Judges<'a> {
         }
     }
 
+    /// [`Self::errors`] of `model` with its moving Gaussians `members` in each of `bodies` instead of their own.
+    pub fn errors_of(
+        &self,
+        model: &Sparsedyn,
+        members: &[usize],
+        bodies: impl Iterator<Item = Body>,
+    ) -> Vec<Option<f64>> {
+        let known = model.bodies.as_ref().map(Bodies::all).unwrap_or_default();
+        let mut model = model.clone();
+        members.iter().for_each(|i| model.frame.labels[*i] = known.len() as i32);
+        let trial = |body: Body| {
+            let all = [known.as_slice(), &[body]].concat();
+            model.clone().with_all(&all, &self.gaussians.device())
+        };
+        self.errors(&bodies.map(trial).collect::<Vec<_>>())
+    }
+
     /// The mean squared difference of each model's renderings from the photos, 0 to 1, where these count and two of the
     /// models differ, infinite where it is not finite; `None` without such a pixel.
-    pub fn errors(&self, models: &[Sparsedyn]) -> Vec<Option<f64>> {
+    fn errors(&self, models: &[Sparsedyn]) -> Vec<Option<f64>> {
         let mut sums = vec![0.0; models.len()];
         let mut count = 0.0;
         for (time, photos) in &self.photos {
@@ -94,13 +110,4 @@ fn differ(images: &[Vec<f32>], index: usize) -> bool {
     let values = images.iter().map(|image| image[index]);
     let (low, high) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
     high - low > SAME
-}
-
-/// `model` with the moving Gaussians `members` in a body of their own.
-pub fn with_one(model: &Sparsedyn, members: &[usize], body: Body, device: &Device) -> Sparsedyn {
-    let mut model = model.clone();
-    let mut all = model.bodies.as_ref().map(Bodies::all).unwrap_or_default();
-    members.iter().for_each(|i| model.frame.labels[*i] = all.len() as i32);
-    all.push(body);
-    model.with_all(&all, device)
 }

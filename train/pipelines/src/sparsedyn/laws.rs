@@ -11,9 +11,9 @@ use gs_models::sparsedyn::bodies::parts::joined;
 use gs_models::sparsedyn::bodies::phases::{Phase, phases};
 use gs_models::sparsedyn::bodies::{Body, BodyFrame, Law, LawValues, SegmentOptions, segment};
 
-use super::groups::FEWEST;
-use super::judges::{Judges, said, with_one};
-use super::poses::{members, middle, nearest, paths, pixel_size, poses_of, rests, weights_of};
+use super::groups::{FEWEST, all_labelled};
+use super::judges::{Judges, said};
+use super::poses::{members, middle, paths, pixel_size, poses_of, rests, weights_of};
 use super::update::forget;
 use super::{Sparsedyn, Step};
 
@@ -145,9 +145,7 @@ impl<'a> Seen<'a> {
         if held < IN_PARTS * weights.iter().sum::<f64>() {
             return None;
         }
-        let labelled = || (0..labels.len()).filter(|j| labels[*j].is_some());
-        let near = |i: usize| nearest(&paths[0], paths[0][i], labelled()).and_then(|j| labels[j]).unwrap_or(0);
-        Some((0..labels.len()).map(|i| labels[i].unwrap_or_else(|| near(i))).collect())
+        Some(all_labelled(&labels, &paths[0]))
     }
 
     /// Whether the Gaussians `members` moved as one rigid body.
@@ -175,7 +173,7 @@ impl<'a> Seen<'a> {
     /// The poses of the Gaussians `members` as one body.
     fn poses(&self, members: &[usize]) -> Poses {
         let (config, times) = (&self.at.config.method.bodies, &self.at.cues.times);
-        let own = poses_of(&self.paths, members, &self.weights, times, 0.0);
+        let own = poses_of(&self.paths, members, &self.weights, times);
         let pixel = pixel_size(self.views, own.first);
         Poses { independent: times.len() as f64 / config.knot_frames, noise: config.noise_pixels * pixel, ..own }
     }
@@ -191,10 +189,7 @@ impl<'a> Seen<'a> {
             Body { free, ..Body::of(frame, phase.fitted.values) }
         };
         let judges = Judges::after(late_from(times.len()), times, self.views, self.gaussians, self.at);
-        let judge = |phases: &[Phase]| {
-            let trial = |phase: &Phase| with_one(&self.model, members, with(phase), &self.gaussians.device());
-            judges.errors(&phases.iter().map(trial).collect::<Vec<_>>())
-        };
+        let judge = |phases: &[Phase]| judges.errors_of(&self.model, members, phases.iter().map(with));
         let Some(phase) = chosen(phases(poses, &Law::ALL), judge) else {
             return Body::of(BodyFrame::of(poses.first.to_array(), Law::of(&[]), times[0]), LawValues::REST);
         };

@@ -27,8 +27,8 @@ pub fn weights_of(model: &Sparsedyn, gaussians: &Gaussians) -> Vec<f64> {
     model.frame.rows.iter().map(|row| f64::from(opacities[*row as usize])).collect()
 }
 
-/// The poses of a body at all frames.
-pub fn poses_of(paths: &[Vec<DVec3>], members: &[usize], weights: &[f64], times: &[f64], noise: f64) -> Poses {
+/// The poses of a body at all frames, as if they had no noise.
+pub fn poses_of(paths: &[Vec<DVec3>], members: &[usize], weights: &[f64], times: &[f64]) -> Poses {
     let at = |time: &Vec<DVec3>| members.iter().map(|i| time[*i]).collect::<Vec<DVec3>>();
     let before = at(&paths[0]);
     let own: Vec<f64> = members.iter().map(|i| weights[*i]).collect();
@@ -40,7 +40,7 @@ pub fn poses_of(paths: &[Vec<DVec3>], members: &[usize], weights: &[f64], times:
         size: spread.sqrt(),
         poses: times.iter().zip(paths).map(pose).collect(),
         independent: times.len() as f64,
-        noise,
+        noise: 0.0,
     }
 }
 

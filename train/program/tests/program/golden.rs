@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use crate::common::streets::streets;
 use gs_pipelines::{Sources, resolve};
 use gs_worlds::deblur::{self, DeblurOptions, World};
-use gs_worlds::extrapolation::{self, ExtrapolationOptions};
+use gs_worlds::extrapolation;
 use gs_worlds::{DemoOptions, demo_scene};
 
 const SEEDS: [u64; 3] = [42, 43, 44];
@@ -166,16 +166,7 @@ fn the_future_of_a_scene() {
     let temporary = tempfile::tempdir().expect("a folder");
     let mut misses = Vec::new();
     for (world, golden) in [(extrapolation::World::Slider, BODIES), (extrapolation::World::Duo, FIELD)] {
-        let data = temporary.path().join(world.name());
-        let options = ExtrapolationOptions {
-            width: 40,
-            height: 40,
-            cameras: 5,
-            held_out: 1,
-            frames: 32,
-            ..ExtrapolationOptions::of(world)
-        };
-        extrapolation::write(&data, &options, |_, _| {}).expect("the world is written");
+        let data = common::future(temporary.path(), world, (40, 32), 5);
         misses.extend(golden.holds(&data, temporary.path()).misses);
     }
     assert!(misses.is_empty(), "{misses:#?}");

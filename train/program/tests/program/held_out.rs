@@ -1,7 +1,7 @@
 //! Held-out views: which image is compared, which split is measured, and that nothing inferred is taken for given.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use gs_pipelines::taylormode::Taylormode;
 use gs_pipelines::{EvalRequest, fit, of_checkpoint};
@@ -12,7 +12,6 @@ use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::evaluate::HeldOut;
 use gs_train::run::measured::Measured;
 use gs_train::run::scene::SceneFile;
-use gs_worlds::deblur::{self, DeblurOptions, World};
 
 use crate::common::program::gsburn;
 use crate::common::{self, read_json};
@@ -28,21 +27,6 @@ const OVERRIDES: [&str; 7] = [
     "motion.select_every=30",
     "blur.samples=5",
 ];
-
-fn video(folder: &Path) -> PathBuf {
-    let path = folder.join("video");
-    let options = DeblurOptions {
-        world: World::Cube,
-        width: 64,
-        height: 48,
-        cameras: 5,
-        held_out: 1,
-        frames: 6,
-        ..DeblurOptions::default()
-    };
-    deblur::write(&path, &options, |_, _| {}).expect("the world is written");
-    path
-}
 
 /// Held-out photos as a camera takes them: blurry, and nobody knows the sharp ones.
 fn without_truth(world: &Path) {
@@ -71,7 +55,7 @@ fn evaluated(checkpoint: &Path, dataset: &Path, changes: &[&str]) -> Measured {
 fn blurry_photos_are_compared_with_the_formed_blur() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = video(folder);
+    let world = common::video(folder);
     let job = common::job(&world, &folder.join("run"), &common::config(STEPS, &OVERRIDES));
     let sharp = common::finish(&job);
     assert_eq!(sharp.last.measured.quality.compared, "sharp truth");
@@ -101,7 +85,7 @@ fn blurry_photos_are_compared_with_the_formed_blur() {
 fn eval_json_says_what_was_compared() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = video(folder);
+    let world = common::video(folder);
     without_truth(&world);
     let overrides = [&OVERRIDES[..], &["data.priors=[]"]].concat();
     let job = common::job(&world, &folder.join("run"), &common::config(10, &overrides));
@@ -123,7 +107,7 @@ fn eval_json_says_what_was_compared() {
 #[test]
 fn inferred_masks_are_not_given_ones() {
     let temporary = tempfile::tempdir().expect("a folder");
-    let world = video(temporary.path());
+    let world = common::video(temporary.path());
     without_truth(&world);
     let config = common::typed::<Taylormode>(&common::config(STEPS, &[&OVERRIDES[..], &["data.priors=[]"]].concat()));
     let scene = fit::load::<Taylormode>(&world, &config).expect("loads");

@@ -4,8 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use gs_train::run::watch::Job;
-use gs_worlds::deblur::{self, DeblurOptions};
-use gs_worlds::extrapolation::{self, ExtrapolationOptions, World};
+use gs_worlds::extrapolation::World;
 use gs_worlds::{DemoOptions, demo_scene};
 use rand::{RngCore, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -81,17 +80,7 @@ fn held_out_pixels_reach_no_still_scene() {
 #[test]
 fn held_out_pixels_reach_no_blurry_scene() {
     let temporary = tempfile::tempdir().expect("a folder");
-    let set = temporary.path().join("video");
-    let options = DeblurOptions {
-        world: deblur::World::Cube,
-        width: 64,
-        height: 48,
-        cameras: 5,
-        held_out: 1,
-        frames: 6,
-        ..DeblurOptions::default()
-    };
-    deblur::write(&set, &options, |_, _| {}).expect("written");
+    let set = common::video(temporary.path());
     let keys = ["pipeline=taylormode", "motion.points=300", "motion.select_every=10", "data.priors=[]"];
     same_with_noise(&set, held_out_images, |run| trained(&set, run, &keys));
 }
@@ -99,16 +88,7 @@ fn held_out_pixels_reach_no_blurry_scene() {
 #[test]
 fn held_out_pixels_reach_no_future() {
     let temporary = tempfile::tempdir().expect("a folder");
-    let set = temporary.path().join("duo");
-    let options = ExtrapolationOptions {
-        width: 40,
-        height: 40,
-        cameras: 5,
-        held_out: 1,
-        frames: 16,
-        ..ExtrapolationOptions::of(World::Duo)
-    };
-    extrapolation::write(&set, &options, |_, _| {}).expect("written");
+    let set = common::future(temporary.path(), World::Duo, (40, 16), 5);
     let keys = ["pipeline=sparsedyn", "data.background=[1.0,1.0,1.0]", "data.priors=[]"];
     same_with_noise(&set, held_out_images, |run| trained(&set, run, &keys));
 }

@@ -2,7 +2,7 @@
 //! same to the bit.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use gs_burn::glam::{DQuat, DVec3};
 use gs_models::sparsedyn::bodies::BodyPose;
@@ -10,24 +10,9 @@ use gs_pipelines::fit::read_model;
 use gs_pipelines::sparsedyn::Sparsedyn;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::Job;
-use gs_worlds::extrapolation::{ExtrapolationOptions, World, write};
+use gs_worlds::extrapolation::World;
 
 use crate::common::{self, read_json};
-
-/// A small world, photographed by `cameras`, one of them held out.
-fn world(folder: &Path, world: World, (size, frames): (usize, usize), cameras: usize) -> PathBuf {
-    let path = folder.join(world.name());
-    let options = ExtrapolationOptions {
-        width: size,
-        height: size,
-        cameras,
-        held_out: 1,
-        frames,
-        ..ExtrapolationOptions::of(world)
-    };
-    write(&path, &options, |_, _| {}).expect("written");
-    path
-}
 
 fn job(world: &Path, folder: &Path, steps: usize, overrides: &[&str]) -> Job {
     let own = ["pipeline=sparsedyn", "data.background=[1.0,1.0,1.0]", "density.cap=1500"];
@@ -46,7 +31,7 @@ fn model(job: &Job, steps: usize) -> Sparsedyn {
 fn every_way_trains_and_is_measured() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = world(folder, World::Duo, (24, 32), 4);
+    let world = common::future(folder, World::Duo, (24, 32), 4);
     for (index, keys) in [
         ["dynamics.ask=stage", "dynamics.integrator=rk2", "bodies.mode=field"],
         ["dynamics.ask=step", "dynamics.integrator=rk4", "bodies.nodes=0"],
@@ -80,7 +65,7 @@ fn it_resumes_to_the_same_bits() {
     const STEPS: usize = 60;
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = world(folder, World::Fan, (24, 32), 4);
+    let world = common::future(folder, World::Fan, (24, 32), 4);
     let [whole, resumed] = ["whole", "resumed"].map(|name| job(&world, &folder.join(name), STEPS, &[]));
     common::finish(&whole);
     // In the warm-up, while bodies move freely, and after their laws are chosen.
@@ -96,7 +81,7 @@ fn a_rotation_is_found_and_goes_on() {
     const STEPS: usize = 2000;
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = world(folder, World::Fan, (80, 60), 7);
+    let world = common::future(folder, World::Fan, (80, 60), 7);
     let learned = job(&world, &folder.join("learned"), STEPS, &[]);
     let eval = common::finish(&learned);
     let model = model(&learned, STEPS);
@@ -129,7 +114,7 @@ fn largest_at_1(world: World) -> (BodyPose, DVec3, String) {
     const STEPS: usize = 3000;
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = self::world(folder, world, (96, 60), 7);
+    let world = common::future(folder, world, (96, 60), 7);
     let learned = job(&world, &folder.join("learned"), STEPS, &[]);
     let psnr = common::finish(&learned).last.mean().psnr;
     let model = model(&learned, STEPS);
@@ -181,7 +166,7 @@ const BACKENDS_APART: f64 = 0.05;
 fn every_backend_trains_the_same_scene() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = world(folder, World::Duo, (24, 32), 4);
+    let world = common::future(folder, World::Duo, (24, 32), 4);
     let mut names: Vec<String> = common::backends().map(String::from).collect();
     if !names.contains(&common::device_name()) {
         names.push(common::device_name());
@@ -208,7 +193,7 @@ fn every_backend_trains_the_same_scene() {
 fn photos_alone_begin_on_the_hull_of_the_outlines() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = world(folder, World::Duo, (48, 8), 6);
+    let world = common::future(folder, World::Duo, (48, 8), 6);
     fs::remove_file(world.join("points3d.ply")).expect("removed");
     let mut reach = f64::INFINITY;
     for split in ["train", "val", "test"] {
@@ -239,7 +224,7 @@ fn photos_alone_begin_on_the_hull_of_the_outlines() {
 fn a_set_with_one_photo_of_a_time_is_refused_in_a_sentence() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let world = world(folder, World::Fan, (16, 32), 3);
+    let world = common::future(folder, World::Fan, (16, 32), 3);
     common::edit(&world, "transforms_train.json", |frames| frames.truncate(1));
     let error = common::train(&job(&world, &folder.join("run"), 4, &[])).expect_err("one photo").to_string();
     assert!(error.contains("at least 2 training photos with times"), "{error}");

@@ -15,6 +15,8 @@ use gs_train::fit::session::Data;
 use gs_train::fit::trainer::{StepReport, Trainer};
 use gs_train::run::folder::{EvalFile, RunFolder};
 use gs_train::run::watch::{Ending, Job};
+use gs_worlds::deblur::{self, DeblurOptions};
+use gs_worlds::extrapolation::{self, ExtrapolationOptions};
 use gs_worlds::{DemoOptions, demo_scene};
 use gsburn::commands::train::train_and_report;
 use toml::Table;
@@ -51,6 +53,37 @@ pub fn tiny_scene(folder: &Path) -> PathBuf {
     let path = folder.join("scene");
     let options = DemoOptions { train_views: 5, test_views: 2, width: 40, height: 30, points: POINTS, seed: 1 };
     demo_scene(&path, &options).expect("the scene is written");
+    path
+}
+
+/// A blurry video of six moments by five cameras, one of them held out.
+pub fn video(folder: &Path) -> PathBuf {
+    let path = folder.join("video");
+    let options = DeblurOptions {
+        world: deblur::World::Cube,
+        width: 64,
+        height: 48,
+        cameras: 5,
+        held_out: 1,
+        frames: 6,
+        ..DeblurOptions::default()
+    };
+    deblur::write(&path, &options, |_, _| {}).expect("the world is written");
+    path
+}
+
+/// A small world with a future, photographed by `cameras`, one of them held out.
+pub fn future(folder: &Path, world: extrapolation::World, (size, frames): (usize, usize), cameras: usize) -> PathBuf {
+    let path = folder.join(world.name());
+    let options = ExtrapolationOptions {
+        width: size,
+        height: size,
+        cameras,
+        held_out: 1,
+        frames,
+        ..ExtrapolationOptions::of(world)
+    };
+    extrapolation::write(&path, &options, |_, _| {}).expect("the world is written");
     path
 }
 
