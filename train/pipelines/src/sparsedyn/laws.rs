@@ -116,10 +116,10 @@ impl<'a> Seen<'a> {
         let count = joined.iter().max().map_or(0, |most| *most + 1);
         let mut next = count;
         for label in 0..count {
-            let members = members(&joined, label);
-            let Some(own) = (!self.is_rigid(&members)).then(|| self.rigid_parts(&members)).flatten() else { continue };
+            let whole = members(&joined, label);
+            let Some(own) = (!self.is_rigid(&whole)).then(|| self.rigid_parts(&whole)).flatten() else { continue };
             // The first part keeps the number.
-            for (i, part) in members.iter().zip(&own).filter(|(_, part)| **part > 0) {
+            for (i, part) in whole.iter().zip(&own).filter(|(_, part)| **part > 0) {
                 parts[*i] = next + *part as i32 - 1;
             }
             next += own.iter().max().copied().unwrap_or(0) as i32;
@@ -145,7 +145,12 @@ impl<'a> Seen<'a> {
         if held < IN_PARTS * weights.iter().sum::<f64>() {
             return None;
         }
-        Some(all_labelled(&labels, &paths[0]))
+        let parts = all_labelled(&labels, &paths[0]);
+        let of = |part: u32| -> Vec<usize> {
+            members.iter().zip(&parts).filter(|(_, own)| **own == part).map(|(i, _)| *i).collect()
+        };
+        let count = parts.iter().max().map_or(0, |most| *most + 1);
+        (0..count).all(|part| self.is_rigid(&of(part))).then_some(parts)
     }
 
     /// Whether the Gaussians `members` moved as one rigid body.
