@@ -3,9 +3,10 @@
 use burn::config::Config;
 use burn::module::{Module, Param};
 use burn::nn::Linear;
-use burn::tensor::activation::{relu, silu};
+use burn::tensor::activation::relu;
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use gs_burn::ops::products::affine;
+use gs_burn::ops::silu::silu;
 use gs_burn::profile;
 
 use crate::random::SplitMix64;

@@ -15,6 +15,7 @@ mod render;
 mod reproducible;
 mod rows;
 mod sh;
+mod silu;
 mod sparse_conv;
 mod ssim;
 mod statistics;

@@ -1,5 +1,6 @@
-//! Products with sums over many rows on a GPU.
+//! The layers of networks on a GPU: products with sums over many rows, and an activation.
 
+use burn::backend::ops::{ActivationOps, FloatTensorOps};
 use burn_cubecl::CubeBackend;
 use burn_cubecl::tensor::CubeTensor;
 use gs_kernels::cube::products;
@@ -7,6 +8,7 @@ use gs_kernels::cube::products;
 use super::{Launch, unwrap};
 use crate::ops::operation::{ComputeOnCube, OnCube, Output, State, Tensors};
 use crate::ops::products::{Affine, RowSums, Scaled, TransposedProduct};
+use crate::ops::silu::Silu;
 
 impl RowSums for CubeBackend {
     fn transposed(a: CubeTensor, b: CubeTensor) -> CubeTensor {
@@ -40,6 +42,21 @@ impl OnCube<3, 0> for Affine {
         wanted: [bool; 3],
     ) -> [Option<CubeTensor>; 3] {
         Self::gradients::<CubeBackend>(state.inputs(), v, wanted)
+    }
+}
+
+/// By the backend's own operations, which it fuses.
+impl OnCube<1, 0> for Silu {
+    fn forward(&self, [x]: [CubeTensor; 1], []: [CubeTensor; 0], _: bool) -> Output<CubeBackend> {
+        Output::of(CubeBackend::float_mul(x.clone(), CubeBackend::sigmoid(x)))
+    }
+
+    fn backward(&self, mut state: State<CubeBackend, 1, 0>, v: CubeTensor, _: [bool; 1]) -> [Option<CubeTensor>; 1] {
+        let [x] = state.inputs();
+        let s = CubeBackend::sigmoid(x.clone());
+        let less = CubeBackend::float_add_scalar(CubeBackend::float_neg(s.clone()), 1.0.into());
+        let slope = CubeBackend::float_add_scalar(CubeBackend::float_mul(x, less), 1.0.into());
+        [Some(CubeBackend::float_mul(v, CubeBackend::float_mul(s, slope)))]
     }
 }
 

@@ -27,6 +27,7 @@ pub mod rasterize;
 pub mod rows;
 pub mod segments;
 pub mod sh;
+pub mod silu;
 pub mod sparse_conv;
 pub mod ssim;
 pub mod statistics;

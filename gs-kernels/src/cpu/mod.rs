@@ -22,6 +22,7 @@ pub mod real;
 pub mod rows;
 pub mod segments;
 pub mod sh;
+pub mod silu;
 pub mod sort;
 pub mod sparse_conv;
 pub mod ssim;

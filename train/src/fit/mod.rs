@@ -14,6 +14,7 @@
 //! | [`initialise`] | the Gaussians of step 0 |
 //! | [`losses`], [`schedule`], [`random`] | loss, decay of rates, random draws |
 //! | [`budget`] | a budget of time as a number of steps |
+//! | [`times`] | a scene at many times |
 //! | [`timetable`] | what a training does at which step, for charts |
 //! | [`parameters`] | Gaussians as a table |
 //! | [`density`] | adding, relocating and removing Gaussians |
@@ -42,6 +43,7 @@ pub mod saved;
 pub mod schedule;
 pub mod session;
 pub mod snapshot;
+pub mod times;
 pub mod timetable;
 pub mod told;
 pub mod trainer;

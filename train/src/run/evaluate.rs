@@ -10,12 +10,10 @@ use crate::config::EvalConfig;
 use crate::fit::method::Step;
 use crate::fit::photos::{Photo, Photos, to_tensor};
 use crate::fit::saved::Saved;
+use crate::fit::times::{TIMES_AT_ONCE, by_time};
 use crate::fit::told::{Compared, Region, Told, given_regions};
 use crate::fit::trainer::Model;
 use crate::run::resources::release_freed_memory;
-
-/// Times at which a scene is held at once: a rollout is integrated once for all of them, and each holds its Gaussians.
-pub const TIMES_AT_ONCE: usize = 16;
 
 /// A view's photo and rendering, `[H, W, 3]` from 0 to 1.
 #[derive(Debug, Clone)]
@@ -254,21 +252,6 @@ impl Evaluator {
 /// PSNR of the mean over views of the squared error, dB; 0 without a view.
 fn psnr_of_mean_error(views: &[ViewScores]) -> f64 {
     metrics::mean(views.iter().map(|view| mse_of_psnr(view.scores.psnr))).map_or(0.0, psnr_of_mse)
-}
-
-/// The views of each time by index, times ascending; 0 for a view without a time.
-fn by_time(views: &[View]) -> Vec<(f64, Vec<usize>)> {
-    let mut order: Vec<(f64, usize)> =
-        views.iter().enumerate().map(|(index, view)| (view.time.unwrap_or(0.0), index)).collect();
-    order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let mut groups: Vec<(f64, Vec<usize>)> = Vec::new();
-    for (time, index) in order {
-        match groups.last_mut() {
-            Some((last, indices)) if *last == time => indices.push(index),
-            _ => groups.push((time, vec![index])),
-        }
-    }
-    groups
 }
 
 /// The mean of each score that all views have; `None` without a view.

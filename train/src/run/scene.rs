@@ -12,7 +12,6 @@ use gs_models::{DynamicScene, Shutter, Static};
 use gs_splats::{Splats, ply};
 
 use super::checkpoint::Checkpoint;
-use super::evaluate::TIMES_AT_ONCE;
 use super::exchange::host::{gaussians_of, splats_of};
 use super::exchange::{MotionScene, Packed, motion_of, offset_note, read_packed, refuse_foreign};
 use super::folder::RunFolder;
@@ -151,11 +150,6 @@ impl LoadedScene {
         }
         Ok(())
     }
-}
-
-/// The Gaussians at each of `times`, of which a few are held at once.
-pub fn through_time<'a>(scene: &'a dyn DynamicScene, times: &'a [f64]) -> impl Iterator<Item = Gaussians> + 'a {
-    times.chunks(TIMES_AT_ONCE).flat_map(|times| scene.at_times(times))
 }
 
 /// A sentence about times outside a recording; `None` without any.

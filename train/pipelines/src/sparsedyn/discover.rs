@@ -34,10 +34,17 @@ const OF_NODE: usize = 10;
 /// Standard deviation of a node's weight in distances to the nearest node: half way, neighbours weigh alike.
 const NODE_WIDTH: f64 = 0.6;
 
+/// What moves less than this while frames are seen is static under FreeGave, in units of lengths: its renderer freezes
+/// what moves by less than 0.01, in scenes about 1 unit large.
+const FROZEN: f64 = 0.01;
+
 /// The model after the events of a step: bodies are found, and given laws.
 pub fn evolved(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, views: &[View], at: &Step) -> Sparsedyn {
     if at.step == warmup_steps(at.config) {
         model.examine_evidence(gaussians, at);
+    }
+    if at.step == at.config.steps && model.model == MotionModel::Freegave {
+        model.freeze(gaussians, at);
     }
     if at.config.method.bodies.mode == BodyUse::Field || model.model != MotionModel::Rollout {
         return model;
@@ -192,6 +199,17 @@ impl Sparsedyn {
         let means: Vec<[f32; 3]> = to_host(gaussians.means.val()).as_chunks().0.to_vec();
         self.frame.rows = may_move(&means, &at.cues.evidence);
         self.frame.labels = vec![-1; self.frame.rows.len()];
+    }
+
+    /// Makes static what hardly moves while frames are seen.
+    fn freeze(&mut self, gaussians: &Gaussians, at: &Step) {
+        let first = self.first_places(gaussians);
+        let paths = paths(self, &self.first_positions(gaussians), &at.cues.times);
+        let least = FROZEN * self.frame.length;
+        let rests = |i: &usize| paths.iter().all(|path| path[*i].distance(first[*i]) < least);
+        let resting: Vec<usize> = (0..first.len()).filter(rests).collect();
+        tracing::info!(resting = resting.len(), of = first.len(), "Gaussians that hardly moved were frozen");
+        self.make_static(&resting);
     }
 
     /// Makes moving Gaussians static, by their indices among the moving ones.

@@ -9,10 +9,12 @@ use super::{Config, Sparsedyn, Step};
 use gs_train::fit::figure::{Figure, Figures};
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::{camera, mask_of, to_tensor};
-use gs_train::run::metrics::psnr_counted;
+use gs_train::fit::times::{by_time, through_time};
+use gs_train::run::metrics::{mean, psnr_counted};
 
-/// Figures beside image quality: over `views` after the last time seen, what the scene gains over its last state.
-pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, _scene: &Scene, views: &[View], at: &Step) -> Figures {
+/// Figures beside image quality: over `views` after the last time seen, what the scene gains over its last state, and
+/// how well held-out cameras are met while frames are seen.
+pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, scene: &Scene, views: &[View], at: &Step) -> Figures {
     let moving = model.frame.rows.len();
     let count = Figure::new("moving_gaussians", "moving Gaussians", moving as f64, "").column();
     let speed = Figure::new(
@@ -22,31 +24,65 @@ pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, _scene: &Scene, views: 
         "units/time",
     );
     let mut numbers = vec![count, speed.digits(3)];
-    if let Some([future, held]) = future_and_held(model, gaussians, views, at) {
+    let compared = Compared { model, gaussians, at };
+    let is_later = |view: &&View| model.frame.clock.inner(view.time.unwrap_or(0.0)) > model.frame.span[1];
+    let later: Vec<&View> = views.iter().filter(is_later).collect();
+    if let Some([future, held]) = compared.future_and_held(&later) {
         numbers.push(Figure::new("held", "PSNR of the last state seen, held", held, "dB").digits(2));
         numbers.push(Figure::new("gain", "PSNR of the future over it", future - held, "dB").digits(2).column());
+    }
+    let seen: Vec<&View> = scene.held_out_views().filter(|view| !is_later(view)).collect();
+    // As many as show the future, over all times.
+    let every = seen.len().div_ceil(later.len().max(1)).max(1);
+    let seen: Vec<&View> = seen.into_iter().step_by(every).collect();
+    if let Some(seen) = mean_finite(compared.psnr(&seen)).filter(|_| !later.is_empty()) {
+        numbers.push(Figure::new("seen", "PSNR of the seen times, held-out cameras", seen, "dB").digits(2));
     }
     Figures { numbers, tables: Vec::new() }
 }
 
-/// The mean PSNR of `views` after the last time seen, and that of the scene as it was at that time, dB; `None` without
-/// such a view.
-fn future_and_held(model: &Sparsedyn, gaussians: &Gaussians, views: &[View], at: &Step) -> Option<[f64; 2]> {
-    let last = model.frame.span[1];
-    let time = |view: &View| model.frame.clock.inner(view.time.unwrap_or(0.0));
-    let later: Vec<&View> = views.iter().filter(|view| time(view) > last).collect();
-    let scene = RolledScene { gaussians: gaussians.clone(), method: model.clone() };
-    let held = scene.at(model.frame.clock.outer(last));
-    let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
-    let psnr = |scene: &Gaussians, view: &View| {
-        let device = gaussians.device();
+/// A model that is compared with photos.
+struct Compared<'a> {
+    model: &'a Sparsedyn,
+    gaussians: &'a Gaussians,
+    at: &'a Step<'a>,
+}
+
+impl Compared<'_> {
+    /// The mean PSNR of views `later` than the last time seen, and that of the scene as it was at that time, dB; `None`
+    /// without a view that counts.
+    fn future_and_held(&self, later: &[&View]) -> Option<[f64; 2]> {
+        let frame = &self.model.frame;
+        let held = self.scene().at(frame.clock.outer(frame.span[1]));
+        Some([mean_finite(self.psnr(later))?, mean_finite(later.iter().map(|view| self.psnr_of(&held, view)))?])
+    }
+
+    /// The PSNR of each of `views`, ordered by time, dB.
+    fn psnr(&self, views: &[&View]) -> Vec<f64> {
+        let (scene, groups) = (self.scene(), by_time(views.iter().copied()));
+        let times: Vec<f64> = groups.iter().map(|(time, _)| *time).collect();
+        let mut all = Vec::new();
+        for ((_, indices), scene) in groups.iter().zip(through_time(&scene, &times)) {
+            all.extend(indices.iter().map(|index| self.psnr_of(&scene, views[*index])));
+        }
+        all
+    }
+
+    fn scene(&self) -> RolledScene {
+        RolledScene { gaussians: self.gaussians.clone(), method: self.model.clone() }
+    }
+
+    fn psnr_of(&self, scene: &Gaussians, view: &View) -> f64 {
+        let device = scene.device();
+        let options = self.at.facts.render_options(&self.at.config.render, scene.sh_degree());
         let image = render(scene, &camera(view, &device), &options).color;
         psnr_counted(image, to_tensor(view, &view.image.data, 3, &device), mask_of(view, &device))
-    };
-    let both = later.iter().map(|view| [psnr(&scene.at(view.time.unwrap_or(0.0)), view), psnr(&held, view)]);
-    let both: Vec<[f64; 2]> = both.filter(|both| both.iter().all(|x| x.is_finite())).collect();
-    let of = |which: usize| both.iter().map(|both| both[which]).sum::<f64>() / both.len() as f64;
-    (!both.is_empty()).then(|| [of(0), of(1)])
+    }
+}
+
+/// The mean of those of `values` that are finite: a view of which no pixel counts has no PSNR.
+fn mean_finite(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    mean(values.into_iter().filter(|x| x.is_finite()))
 }
 
 fn speed(model: &Sparsedyn, gaussians: &Gaussians) -> f64 {

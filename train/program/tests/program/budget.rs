@@ -14,17 +14,17 @@ const SOURCE_LINES: [(&str, usize); 14] = [
     ("datasets/multiview", 4_500),
     ("datasets/splats", 3_430),
     ("datasets/worlds", 4_700),
-    ("gs-burn", 6_600),
-    ("gs-kernels", 14_150),
-    ("models", 11_780),
+    ("gs-burn", 6_620),
+    ("gs-kernels", 14_240),
+    ("models", 11_800),
     ("tests/lab", 6_050),
     ("train", 9_500),
-    ("train/pipelines", 12_660),
+    ("train/pipelines", 12_720),
     ("train/program", 8_900),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 37_970;
+const TEST_LINES: usize = 38_020;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [

@@ -39,6 +39,7 @@ fn every_way_trains_and_is_measured() {
         ["dynamics.model=hybrid", "dynamics.ask=start", "moving.select=false"],
         ["dynamics.model=trace", "dynamics.integrator=rk2", "moving.select=false"],
         ["dynamics.model=freegave", "dynamics.ask=stage", "moving.select=false"],
+        ["dynamics.model=freegave", "dynamics.lr=1e-8", "moving.select=false"],
     ]
     .iter()
     .enumerate()
@@ -49,7 +50,13 @@ fn every_way_trains_and_is_measured() {
         assert_eq!((measured.split.as_str(), eval.skipped_steps), ("test", 0), "{keys:?}");
         assert!(measured.quality.mean.psnr.is_finite() && measured.quality.mean.psnr > 5.0, "{keys:?}");
         assert!(measured.quality.psnr_of_mean_error <= measured.quality.mean.psnr + 1e-9, "{keys:?}");
+        let seen = measured.figures.iter().find(|figure| figure.key == "seen").map(|figure| figure.value);
+        assert!(seen.is_some_and(|psnr| psnr > 5.0), "{keys:?}: {seen:?}");
         let frame = model(&job, 30).frame;
+        // After the last step FreeGave freezes what hardly moved.
+        if keys.contains(&"dynamics.lr=1e-8") {
+            assert!(frame.rows.is_empty(), "{} of {} move", frame.rows.len(), measured.size.gaussians);
+        }
         if keys.contains(&"bodies.mode=bodies") && !frame.bodies.is_empty() {
             assert!(
                 frame.labels.iter().all(|label| *label >= 0),

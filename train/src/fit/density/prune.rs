@@ -16,6 +16,7 @@ use super::ops::Draft;
 use crate::fit::parameters::to_host;
 use crate::fit::photos::camera;
 use crate::fit::random::{Purpose, stream};
+use crate::fit::times::{by_time, through_time};
 use gs_burn::RowMap;
 use gs_burn::adam::Adam;
 
@@ -25,14 +26,19 @@ const VIEWS: usize = 256;
 
 /// Contribution of each Gaussian of `model` over `views`, `[N]`, pixels.
 pub fn contributions(model: &dyn DynamicScene, views: &[View], options: &RenderOptions, seed: u64) -> Vec<f64> {
-    let mut chosen =
-        index::sample(&mut stream(seed, Purpose::Prune, 0), views.len(), VIEWS.min(views.len())).into_vec();
+    let mut sampler = stream(seed, Purpose::Prune, 0);
+    let mut chosen = index::sample(&mut sampler, views.len(), VIEWS.min(views.len())).into_vec();
     chosen.sort_unstable();
+    let chosen: Vec<&View> = chosen.into_iter().map(|index| &views[index]).collect();
+    let groups = by_time(chosen.iter().copied());
+    let times: Vec<f64> = groups.iter().map(|(time, _)| *time).collect();
     let mut sums = Vec::new();
-    for view in chosen.into_iter().map(|index| &views[index]) {
-        let weights = weights(&model.at(view.time.unwrap_or(0.0)), view, options);
-        sums.resize(weights.len(), 0.0);
-        sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += f64::from(weight));
+    for ((_, indices), scene) in groups.iter().zip(through_time(model, &times)) {
+        for index in indices {
+            let weights = weights(&scene, chosen[*index], options);
+            sums.resize(weights.len(), 0.0);
+            sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += f64::from(weight));
+        }
     }
     sums
 }

@@ -14,11 +14,12 @@ use gs_datasets::{camera_path, load_cameras};
 use crate::cli::{ExportArgs, Up};
 use crate::commands::print;
 use gs_pipelines::{load_scene, of_checkpoint};
+use gs_train::fit::times::through_time;
 use gs_train::run::checkpoint::save;
 use gs_train::run::exchange::{ENDINGS, Format, Packed};
 use gs_train::run::memory::megabytes;
 use gs_train::run::outputs;
-use gs_train::run::scene::{FloaterFilter, LoadedScene, SceneFile, no_floaters, read_file, through_time, within_reach};
+use gs_train::run::scene::{FloaterFilter, LoadedScene, SceneFile, no_floaters, read_file, within_reach};
 
 use size::fit;
 

@@ -11,9 +11,10 @@ use crate::cli::ExportArgs;
 use gs_pipelines::{Opened, of_checkpoint};
 use gs_train::fit::density::prune::contributions;
 use gs_train::fit::photos::{camera, mask_of, to_tensor};
+use gs_train::fit::times::through_time;
 use gs_train::run::exchange::{Format, Packed};
 use gs_train::run::metrics::psnr_counted;
-use gs_train::run::scene::{LoadedScene, SceneFile, read_file, through_time};
+use gs_train::run::scene::{LoadedScene, SceneFile, read_file};
 
 use super::keep;
 

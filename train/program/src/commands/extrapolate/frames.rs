@@ -10,9 +10,10 @@ use crate::commands::print;
 use crate::report::maps::write_gif;
 use gs_train::fit::extrapolation::Extrapolation;
 use gs_train::fit::parameters::to_host;
+use gs_train::fit::times::through_time;
 use gs_train::run::outputs::write_png;
 use gs_train::run::pixels::image_bytes;
-use gs_train::run::scene::{through_time, write_ply};
+use gs_train::run::scene::write_ply;
 
 /// The changes by another step of integration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

@@ -18,9 +18,10 @@ use crate::commands::{device, print};
 use crate::report::maps::{self, write_gif};
 use gs_pipelines::load_scene;
 use gs_train::fit::parameters::to_host;
+use gs_train::fit::times::through_time;
 use gs_train::run::outputs::{self, MARK, marked_png, write_png};
 use gs_train::run::pixels::{image_bytes, velocity_colors};
-use gs_train::run::scene::{LoadedScene, through_time, within_reach};
+use gs_train::run::scene::{LoadedScene, within_reach};
 
 use film::Film;
 

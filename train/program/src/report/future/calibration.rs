@@ -16,7 +16,7 @@ use super::spread::Spread;
 use crate::report::charts::{Chart, Series};
 use gs_train::fit::parameters::{from_host, to_host};
 use gs_train::fit::photos::to_tensor;
-use gs_train::run::scene::through_time;
+use gs_train::fit::times::through_time;
 
 /// Groups of equal size in which spread and error are compared.
 const GROUPS: usize = 10;

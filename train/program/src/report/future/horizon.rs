@@ -11,10 +11,10 @@ use super::{ONE_TIME, strip};
 use crate::report::charts::{Chart, Series};
 use crate::report::future::strip::Picture;
 use gs_train::fit::photos::{mask_of, to_tensor};
+use gs_train::fit::times::through_time;
 use gs_train::fit::told::{MOVING, given_regions};
 use gs_train::run::evaluate::PHOTO;
 use gs_train::run::metrics::{mean, psnr_counted, psnr_masked};
-use gs_train::run::scene::through_time;
 
 /// Splits of the future, the first of which is charted: cameras that did not train, then those that did.
 const FUTURES: [&str; 2] = [Split::TEST, Split::TEST_SEEN];

@@ -5,8 +5,7 @@ use gs_models::DynamicScene;
 use serde::Serialize;
 
 use gs_train::fit::parameters::to_host;
-use gs_train::run::evaluate::TIMES_AT_ONCE;
-use gs_train::run::scene::through_time;
+use gs_train::fit::times::{TIMES_AT_ONCE, through_time};
 
 /// Fewest members: of one there is no spread.
 pub const FEWEST: usize = 2;

@@ -3,8 +3,8 @@
 use gs_datasets::View;
 
 use super::renderer::{PredictedScene, pose_of};
+use gs_train::fit::times::through_time;
 use gs_train::run::pixels::image_bytes;
-use gs_train::run::scene::through_time;
 
 /// Columns at most: as many frames as a page shows side by side.
 const COLUMNS: usize = 6;

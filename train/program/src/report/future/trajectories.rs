@@ -10,8 +10,8 @@ use super::renderer::{SceneRenderer, enlarged};
 use super::strip::Picture;
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::random::{Purpose, stream};
+use gs_train::fit::times::through_time;
 use gs_train::run::pixels::image_bytes;
-use gs_train::run::scene::through_time;
 
 /// Paths that are drawn at most and at least, as far as so many move.
 const PATHS: [usize; 2] = [300, 24];
