@@ -25,6 +25,16 @@ const FEWEST: (usize, usize) = (2, 40);
 /// Most points that are looked at, evenly through the list.
 const POINTS: usize = 400;
 
+/// Most points, evenly through the list, that may hide others.
+const HIDING: usize = 20_000;
+
+/// Cells of a photo's longer side in which the nearest point hides those behind it. So many points of a surface leave
+/// hardly a cell of it empty.
+const CELLS: usize = 64;
+
+/// A point is hidden that is further away than the nearest of its cell by more than this share.
+const BEHIND: f64 = 0.05;
+
 /// Fewest projections of points onto photos whose colours mean something.
 const SAMPLES: usize = 100;
 
@@ -170,6 +180,8 @@ pub struct PointEvidence {
 pub(crate) struct Points {
     positions: Vec<DVec3>,
     colors: Vec<[u8; 3]>,
+    /// Points that may hide these.
+    hiding: Vec<DVec3>,
 }
 
 impl Points {
@@ -177,8 +189,11 @@ impl Points {
     pub fn of(points: Option<&PointCloud>, origin: DVec3) -> Option<Self> {
         let points = points.filter(|points| !points.is_empty())?;
         let step = points.len().div_ceil(POINTS);
-        let positions = points.positions.iter().step_by(step).map(|p| Vec3::from(*p).as_dvec3() + origin).collect();
-        Some(Self { positions, colors: points.colors.iter().step_by(step).copied().collect() })
+        let every = |step: usize| -> Vec<DVec3> {
+            points.positions.iter().step_by(step).map(|p| Vec3::from(*p).as_dvec3() + origin).collect()
+        };
+        let colors = points.colors.iter().step_by(step).copied().collect();
+        Some(Self { positions: every(step), colors, hiding: every(points.len().div_ceil(HIDING)) })
     }
 
     /// The median distance of the points from the cameras' middle, in median distances of the cameras from it; 0 of
@@ -202,9 +217,13 @@ impl Points {
         let mut pairs: Vec<([u8; 3], [u8; 3])> = Vec::new();
         for (view, pose) in views.iter().zip(poses) {
             let camera = Pinhole::posed(*pose, view.intrinsics, view.width, view.height);
+            let cells = Cells::of(&camera, self.hiding.iter().map(|position| *position * scale));
             for (i, position) in self.positions.iter().enumerate() {
-                let Some((pixel, _)) = camera.sees(*position * scale) else { continue };
+                let Some((pixel, depth)) = camera.sees(*position * scale) else { continue };
                 seen[i] = true;
+                if cells.hides(pixel, depth) {
+                    continue;
+                }
                 if counts(view, pixel) && view.alpha.as_ref().is_none_or(|alpha| alpha[pixel] > u8::MAX / 2) {
                     pairs.push((self.colors[i], color(view, pixel)));
                 }
@@ -212,6 +231,36 @@ impl Points {
         }
         let count = seen.iter().filter(|seen| **seen).count();
         PointEvidence { seen: count as f64 / seen.len() as f64, agreement: correlation(&pairs) }
+    }
+}
+
+/// The least depth of points in each cell of a photo.
+struct Cells {
+    width: usize,
+    edge: usize,
+    columns: usize,
+    least: Vec<f64>,
+}
+
+impl Cells {
+    fn of(camera: &Pinhole, points: impl Iterator<Item = DVec3>) -> Self {
+        let edge = camera.width.max(camera.height).div_ceil(CELLS).max(1);
+        let columns = camera.width.div_ceil(edge);
+        let least = vec![f64::INFINITY; columns * camera.height.div_ceil(edge)];
+        let mut cells = Self { width: camera.width, edge, columns, least };
+        for (pixel, depth) in points.filter_map(|point| camera.sees(point)) {
+            let cell = cells.cell(pixel);
+            cells.least[cell] = cells.least[cell].min(depth);
+        }
+        cells
+    }
+
+    fn cell(&self, pixel: usize) -> usize {
+        pixel / self.width / self.edge * self.columns + pixel % self.width / self.edge
+    }
+
+    fn hides(&self, pixel: usize, depth: f64) -> bool {
+        depth > (1.0 + BEHIND) * self.least[self.cell(pixel)]
     }
 }
 

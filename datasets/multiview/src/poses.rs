@@ -154,7 +154,8 @@ fn of_one_moment(cameras: &[Camera]) -> Vec<usize> {
             moments.entry(time.to_bits()).or_default().push(i);
         }
     }
-    let fullest = moments.into_values().max_by_key(Vec::len).filter(|cameras| cameras.len() >= 3);
+    // The first of the fullest: points are of the first moment, where they move.
+    let fullest = moments.into_values().rev().max_by_key(Vec::len).filter(|cameras| cameras.len() >= 3);
     fullest.unwrap_or_else(|| (0..cameras.len()).collect())
 }
 

@@ -6,6 +6,7 @@ use glam::{DMat4, DVec3};
 use gs_datasets::{LoadOptions, PointCloud, PoseConvention, Scene, View, load};
 use gs_multiview::{Camera, PointsFault, PoseJudgement, PoseVerdict, judge_poses, pose_pairs};
 use gs_worlds::deblur::{DeblurOptions, World};
+use gs_worlds::extrapolation::{self, ExtrapolationOptions};
 
 use crate::fixture::written;
 
@@ -122,6 +123,24 @@ fn points_of_another_world_are_told() {
         assert_eq!(judgement.verdict, PoseVerdict::Agrees, "{judgement:?}");
         assert!(matches!(judgement.points, Some(PointsFault::Colors | PointsFault::Unseen)), "{judgement:?}");
     }
+}
+
+/// Points of the first frame of two moving objects, from all sides: each photo shows the half that faces it, and photos
+/// of later frames show nothing where the points lie.
+#[test]
+fn points_that_move_and_hide_each_other_are_judged_where_photos_show_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let options = ExtrapolationOptions {
+        width: 100,
+        height: 100,
+        cameras: 9,
+        frames: 12,
+        ..ExtrapolationOptions::of(extrapolation::World::Duo)
+    };
+    extrapolation::write(folder.path(), &options, |_, _| {}).expect("written");
+    let scene = load(folder.path(), &LoadOptions::default()).expect("a scene");
+    let judgement = judged(&scene.train, scene.points.as_ref());
+    assert_eq!((judgement.points, judgement.warning()), (None, None), "{judgement:?}");
 }
 
 /// Grey photos of nothing say nothing, whatever the poses.
