@@ -74,14 +74,19 @@ fn gate<L: Lanes>(x: L) -> L {
 /// `f` of each sixteen of `inputs`, into `out`; all are of one length.
 #[inline(always)]
 fn each<F: Real, L: Lanes<Real = F>, const N: usize>(out: &mut [F], inputs: [&[F]; N], f: impl Fn([L; N]) -> L) {
-    for (block, out) in out.chunks_mut(LANES).enumerate() {
-        let count = out.len();
-        let load = |input: &[F]| {
-            let mut sixteen = [F::ZERO; LANES];
-            sixteen[..count].copy_from_slice(&input[block * LANES..][..count]);
-            L::load(&sixteen)
-        };
-        out.copy_from_slice(&f(inputs.map(load)).to_array()[..count]);
+    let (whole, rest) = out.as_chunks_mut::<LANES>();
+    let begun = whole.len() * LANES;
+    for (block, out) in whole.iter_mut().enumerate() {
+        f(inputs.map(|input| L::load(&input.as_chunks().0[block]))).store(out);
+    }
+    let padded = |input: &[F]| {
+        let mut sixteen = [F::ZERO; LANES];
+        sixteen[..rest.len()].copy_from_slice(&input[begun..]);
+        L::load(&sixteen)
+    };
+    if !rest.is_empty() {
+        let last = f(inputs.map(padded)).to_array();
+        rest.copy_from_slice(&last[..rest.len()]);
     }
 }
 

@@ -5,20 +5,41 @@ use gs_burn::glam::DVec3;
 
 /// The solution of `(J^T J + damping diag) x = J^T r`, columns of `J` given.
 pub(super) fn damped(columns: &[Vec<f64>], residuals: &[f64], damping: f64) -> Option<Vec<f64>> {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let count = columns.len();
-    let mut matrix = vec![vec![0.0; count + 1]; count];
-    for i in 0..count {
-        for j in 0..count {
-            matrix[i][j] = dot(&columns[i], &columns[j]);
-        }
-        matrix[i][count] = dot(&columns[i], residuals);
-    }
-    let largest = (0..count).map(|i| matrix[i][i]).fold(0.0, f64::max);
+    let mut matrix = normal(columns, damping);
+    matrix.iter_mut().zip(columns).for_each(|(row, column)| row.push(dot(column, residuals)));
+    solve(matrix)
+}
+
+/// Rows `w_k` of which `x_k = w_k r` is that solution for any `r`: for many of them.
+pub(super) fn solver(columns: &[Vec<f64>], damping: f64) -> Option<Vec<Vec<f64>>> {
+    let matrix = normal(columns, damping);
+    let inverse = |k: usize| {
+        let mut matrix = matrix.clone();
+        matrix.iter_mut().enumerate().for_each(|(i, row)| row.push(if i == k { 1.0 } else { 0.0 }));
+        solve(matrix)
+    };
+    let count = columns.first().map_or(0, Vec::len);
+    let row = |own: Vec<f64>| -> Vec<f64> {
+        (0..count).map(|at| own.iter().zip(columns).map(|(x, column)| x * column[at]).sum()).collect()
+    };
+    // The matrix is symmetric, and so is its inverse.
+    (0..columns.len()).map(|k| inverse(k).map(row)).collect()
+}
+
+/// `J^T J + damping diag`.
+fn normal(columns: &[Vec<f64>], damping: f64) -> Vec<Vec<f64>> {
+    let row = |a: &Vec<f64>| columns.iter().map(|b| dot(a, b)).collect();
+    let mut matrix: Vec<Vec<f64>> = columns.iter().map(row).collect();
+    let largest = (0..columns.len()).map(|i| matrix[i][i]).fold(0.0, f64::max);
     for (i, row) in matrix.iter_mut().enumerate() {
         row[i] += damping * row[i].max(1e-9 * largest) + f64::MIN_POSITIVE;
     }
-    solve(matrix)
+    matrix
+}
+
+/// The sum of products.
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// The vectors `x_k` that fit `sum_k column_k x_k` best to `data`; zero where the columns say nothing.

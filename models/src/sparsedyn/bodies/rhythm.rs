@@ -3,7 +3,7 @@
 //! A body that bends goes to and fro: a wave along it, a wing, a swimmer's tail have few rates, and each place of it
 //! its own amplitudes and phases.
 
-use super::least_squares::damped;
+use super::least_squares::{damped, dot, solver};
 
 /// Rates tried for each new oscillation.
 const TRIED: usize = 64;
@@ -41,11 +41,12 @@ pub struct Rhythm {
 impl Rhythm {
     /// `count` oscillations of quantities whose values at times `s` since the first frame, at which they are 0, are the
     /// rows of `data`: a periodic motion (one rate and its multiples) where that leaves hardly more than free rates.
-    pub fn fit(s: &[f64], data: &[Vec<f64>], count: usize) -> Self {
+    /// Beside them each quantity may move by a polynomial of order `drift`, which is left out.
+    pub fn fit(s: &[f64], data: &[Vec<f64>], count: usize, drift: usize) -> Self {
         let span = s.last().copied().unwrap_or(0.0).max(f64::MIN_POSITIVE);
         let least = PERIODS_LEAST * std::f64::consts::TAU / span;
         let range = [least, (std::f64::consts::TAU * s.len() as f64 / (FRAMES_LEAST * span)).max(least)];
-        let seen = Seen { s, data, range };
+        let seen = Seen { s, data, range, drift };
         let mut free: Vec<f64> = Vec::new();
         for _ in 0..count {
             let with = |rate: f64| free.iter().copied().chain([rate]).collect::<Vec<f64>>();
@@ -58,14 +59,15 @@ impl Rhythm {
         // Less than a period of an oscillation is near an even motion, so that two of them may take large amplitudes
         // against each other: amplitudes are held against the share of the values that they leave.
         let all = data.iter().flatten().map(|x| x * x).sum::<f64>().max(f64::MIN_POSITIVE);
-        let amplitudes = seen.solved(&rates, seen.misfit(&rates) / all);
+        let mut amplitudes = seen.solved(&rates, seen.misfit(&rates) / all);
+        amplitudes.iter_mut().for_each(|own| own.truncate(2 * rates.len()));
         Self { rates, amplitudes }
     }
 
     /// The value of each quantity at `s`.
     pub fn at(&self, s: f64) -> Vec<f64> {
         let basis = basis(s, &self.rates);
-        self.amplitudes.iter().map(|own| own.iter().zip(&basis).map(|(a, b)| a * b).sum()).collect()
+        self.amplitudes.iter().map(|own| dot(own, &basis)).collect()
     }
 }
 
@@ -79,6 +81,8 @@ struct Seen<'a> {
     data: &'a [Vec<f64>],
     /// Least and largest rate.
     range: [f64; 2],
+    /// Order of the polynomial beside the oscillations.
+    drift: usize,
 }
 
 impl Seen<'_> {
@@ -90,19 +94,26 @@ impl Seen<'_> {
         tried.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |(_, rates)| rates)
     }
 
-    /// The best amplitudes of each quantity for given rates.
+    /// The functions of time: the oscillations', then the powers of a drift.
+    fn rows(&self, rates: &[f64]) -> Vec<Vec<f64>> {
+        let row = |s: &f64| basis(*s, rates).into_iter().chain((1..=self.drift).map(|k| s.powi(k as i32))).collect();
+        self.s.iter().map(row).collect()
+    }
+
+    /// The best amplitudes of each quantity for given rates, then its drift.
     fn solved(&self, rates: &[f64], ridge: f64) -> Vec<Vec<f64>> {
-        let rows: Vec<Vec<f64>> = self.s.iter().map(|s| basis(*s, rates)).collect();
-        let columns: Vec<Vec<f64>> = (0..2 * rates.len()).map(|k| rows.iter().map(|row| row[k]).collect()).collect();
-        self.data.iter().map(|own| damped(&columns, own, ridge).unwrap_or_else(|| vec![0.0; columns.len()])).collect()
+        let rows = self.rows(rates);
+        let count = 2 * rates.len() + self.drift;
+        let columns: Vec<Vec<f64>> = (0..count).map(|k| rows.iter().map(|row| row[k]).collect()).collect();
+        let solver = solver(&columns, ridge).unwrap_or_else(|| vec![Vec::new(); count]);
+        self.data.iter().map(|own| solver.iter().map(|row| dot(row, own)).collect()).collect()
     }
 
     /// The rest of each value after oscillations of given rates.
     fn residuals(&self, rates: &[f64]) -> Vec<f64> {
-        let rows: Vec<Vec<f64>> = self.s.iter().map(|s| basis(*s, rates)).collect();
-        let value = |own: &[f64], row: &[f64]| own.iter().zip(row).map(|(a, b)| a * b).sum::<f64>();
+        let rows = self.rows(rates);
         let of = |(own, values): (Vec<f64>, &Vec<f64>)| {
-            rows.iter().zip(values).map(|(row, x)| value(&own, row) - x).collect::<Vec<f64>>()
+            rows.iter().zip(values).map(|(row, x)| dot(&own, row) - x).collect::<Vec<f64>>()
         };
         self.solved(rates, SEARCH_RIDGE).into_iter().zip(self.data).flat_map(of).collect()
     }
@@ -172,7 +183,7 @@ mod tests {
         let s: Vec<f64> = (0..45).map(|k| f64::from(k) / 59.0).collect();
         let rows: Vec<Vec<f64>> = s.iter().map(|s| wave(*s)).collect();
         let data: Vec<Vec<f64>> = (0..6).map(|k| rows.iter().map(|row| row[k]).collect()).collect();
-        let rhythm = Rhythm::fit(&s, &data, 2);
+        let rhythm = Rhythm::fit(&s, &data, 2, 0);
         let mut rates: Vec<f64> = rhythm.rates.iter().map(|rate| rate / std::f64::consts::TAU).collect();
         rates.sort_by(f64::total_cmp);
         assert!((rates[0] - 0.75).abs() < 0.02 && (rates[1] - 1.5).abs() < 0.02, "{rates:?}");
@@ -184,8 +195,8 @@ mod tests {
     #[test]
     fn what_rests_has_no_amplitude() {
         let s = [0.0, 0.1, 0.2];
-        let rhythm = Rhythm::fit(&s, &[vec![0.0; 3]], 1);
+        let rhythm = Rhythm::fit(&s, &[vec![0.0; 3]], 1, 0);
         assert_eq!(rhythm.at(0.15), [0.0]);
-        assert_eq!(Rhythm::fit(&s, &[], 0), Rhythm::default());
+        assert_eq!(Rhythm::fit(&s, &[], 0, 0), Rhythm::default());
     }
 }
