@@ -53,10 +53,10 @@ pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
     let mut best: Option<(f64, f64, Law, usize)> = None;
     for law in WHOLE {
         for count in 0..=RHYTHMS {
-            let Some((_, rhythm, rows)) = whole(law, count) else { continue };
-            let Some((values, before, _)) = settled(&own.nodes, &early, law, count, &seen[..known]) else { continue };
-            let late = within(&own.nodes, values, poses.first, &seen[known - 1..]);
-            let [left, foreseen] = [apart(&rhythm, &rows), apart(&before, &late)];
+            let Some(all) = whole(law, count) else { continue };
+            let Some(before) = settled(&own.nodes, &early, law, count, &seen[..known]) else { continue };
+            let late = within(&own.nodes, before.values, poses.first, &seen[known - 1..]);
+            let [left, foreseen] = [apart(&all.rhythm, &all.rows), apart(&before.rhythm, &late)];
             let score = score(poses, law, count, [left, foreseen]);
             if best.is_none_or(|(least, ..)| score < least) {
                 best = Some((score, foreseen, law, count));
@@ -64,13 +64,24 @@ pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
         }
     }
     let (_, foreseen, law, count) = best.unwrap_or((0.0, f64::INFINITY, Law::of(&[]), 0));
-    let rests = || (LawValues::REST, Rhythm::default(), within(&own.nodes, LawValues::REST, poses.first, &seen));
-    let (values, rhythm, rows) = whole(law, count).unwrap_or_else(rests);
+    let rests = || Settled {
+        values: LawValues::REST,
+        rhythm: Rhythm::default(),
+        rows: within(&own.nodes, LawValues::REST, poses.first, &seen),
+    };
+    let Settled { values, rhythm, rows } = whole(law, count).unwrap_or_else(rests);
     let frame = BodyFrame { centre: poses.first.to_array(), law, since: span.times[0], rhythms: count as u32 };
     let rest = rest(&rhythm, &rows, span);
     let of = |(index, (node, _)): (usize, &(NodeFrame, _))| (node.clone(), columns(&rhythm, &rest, span, node, index));
     let nodes = own.nodes.iter().enumerate().map(of).collect();
     Bent { body: Body { frame, values, free: Vec::new(), rates: rhythm.rates, nodes }, foreseen }
+}
+
+/// A law of the whole, oscillations in its frame, and the nodes there.
+struct Settled {
+    values: LawValues,
+    rhythm: Rhythm,
+    rows: Vec<(f64, Vec<f64>)>,
 }
 
 /// The law of the whole with `count` oscillations in its frame, and the nodes there. `None` where the law does not fit.
@@ -84,7 +95,7 @@ fn settled(
     law: Law,
     count: usize,
     seen: &[(f64, Vec<BodyPose>)],
-) -> Option<(LawValues, Rhythm, Vec<(f64, Vec<f64>)>)> {
+) -> Option<Settled> {
     let mut values = values_of(poses, law)?;
     let mut rows = within(nodes, values, poses.first, seen);
     let passes = if count > 0 && law != Law::of(&[]) { PASSES } else { 0 };
@@ -104,7 +115,7 @@ fn settled(
         values = values_of(&still, law)?;
         rows = within(nodes, values, poses.first, seen);
     }
-    Some((values, rhythm(&rows, count, 0), rows))
+    Some(Settled { values, rhythm: rhythm(&rows, count, 0), rows })
 }
 
 /// The criterion by which laws are compared; lower is better: BIC over the seen time, and twice the negative

@@ -16,7 +16,7 @@ const SOURCE_LINES: [(&str, usize); 14] = [
     ("datasets/worlds", 4_700),
     ("gs-burn", 6_620),
     ("gs-kernels", 14_240),
-    ("models", 11_800),
+    ("models", 11_885),
     ("tests/lab", 6_050),
     ("train", 9_500),
     ("train/pipelines", 12_720),
@@ -24,7 +24,7 @@ const SOURCE_LINES: [(&str, usize); 14] = [
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 38_020;
+const TEST_LINES: usize = 38_045;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [
