@@ -154,7 +154,7 @@ fn of_one_moment(cameras: &[Camera]) -> Vec<usize> {
             moments.entry(time.to_bits()).or_default().push(i);
         }
     }
-    // The first of the fullest: points are of the first moment, where they move.
+    // The first of the fullest, of times from 0 on: points that move are of the first moment.
     let fullest = moments.into_values().rev().max_by_key(Vec::len).filter(|cameras| cameras.len() >= 3);
     fullest.unwrap_or_else(|| (0..cameras.len()).collect())
 }

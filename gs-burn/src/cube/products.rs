@@ -45,7 +45,7 @@ impl OnCube<3, 0> for Affine {
     }
 }
 
-/// By the backend's own operations, which it fuses.
+/// By the backend's own operations, a pass for each.
 impl OnCube<1, 0> for Silu {
     fn forward(&self, [x]: [CubeTensor; 1], []: [CubeTensor; 0], _: bool) -> Output<CubeBackend> {
         Output::of(CubeBackend::float_mul(x.clone(), CubeBackend::sigmoid(x)))

@@ -1,5 +1,5 @@
-//! The activation SiLU in one pass each way. Burn's own takes six passes, two of them with an exponential by number: in
-//! the rollout of a dynamics field they took half of a step.
+//! The activation SiLU, on a CPU in one pass each way. Burn's own takes six passes, two of them with an exponential by
+//! number: in the rollout of a dynamics field they took half of a step.
 
 use burn::backend::TensorMetadata;
 use burn::backend::tensor::{FloatTensor, IntTensor};

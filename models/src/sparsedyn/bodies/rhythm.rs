@@ -57,7 +57,7 @@ impl Rhythm {
         let is_periodic = count > 1 && seen.misfit(&periodic) <= PERIODIC * seen.misfit(&free);
         let rates = if is_periodic { periodic } else { free };
         // Less than a period of an oscillation is near an even motion, so that two of them may take large amplitudes
-        // against each other: amplitudes are held against the share of the values that they leave.
+        // against each other: amplitudes are held against the share of the values that they and the drift leave.
         let all = data.iter().flatten().map(|x| x * x).sum::<f64>().max(f64::MIN_POSITIVE);
         let mut amplitudes = seen.solved(&rates, seen.misfit(&rates) / all);
         amplitudes.iter_mut().for_each(|own| own.truncate(2 * rates.len()));

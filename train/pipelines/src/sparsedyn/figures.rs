@@ -32,9 +32,10 @@ pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, scene: &Scene, views: &
         numbers.push(Figure::new("gain", "PSNR of the future over it", future - held, "dB").digits(2).column());
     }
     let seen: Vec<&View> = scene.held_out_views().filter(|view| !is_later(view)).collect();
-    // As many as show the future, over all times.
+    // At most as many as show the future, by whole times.
     let every = seen.len().div_ceil(later.len().max(1)).max(1);
-    let seen: Vec<&View> = seen.into_iter().step_by(every).collect();
+    let groups = by_time(seen.iter().copied()).into_iter().step_by(every);
+    let seen: Vec<&View> = groups.flat_map(|(_, indices)| indices).map(|index| seen[index]).collect();
     if let Some(seen) = mean_finite(compared.psnr(&seen)).filter(|_| !later.is_empty()) {
         numbers.push(Figure::new("seen", "PSNR of the seen times, held-out cameras", seen, "dB").digits(2));
     }

@@ -56,6 +56,8 @@ fn every_way_trains_and_is_measured() {
         // After the last step FreeGave freezes what hardly moved.
         if keys.contains(&"dynamics.lr=1e-8") {
             assert!(frame.rows.is_empty(), "{} of {} move", frame.rows.len(), measured.size.gaussians);
+        } else if keys.contains(&"moving.select=false") {
+            assert!(!frame.rows.is_empty(), "{keys:?}: nothing moves");
         }
         if keys.contains(&"bodies.mode=bodies") && !frame.bodies.is_empty() {
             assert!(
