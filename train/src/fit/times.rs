@@ -12,6 +12,15 @@ pub fn through_time<'a>(scene: &'a dyn DynamicScene, times: &'a [f64]) -> impl I
     times.chunks(TIMES_AT_ONCE).flat_map(|times| scene.at_times(times))
 }
 
+/// Calls `f` with the Gaussians at the time of each of `views` and its index, times ascending.
+pub fn each_view(scene: &dyn DynamicScene, views: &[&View], mut f: impl FnMut(&Gaussians, usize)) {
+    let groups = by_time(views.iter().copied());
+    let times: Vec<f64> = groups.iter().map(|(time, _)| *time).collect();
+    for ((_, indices), gaussians) in groups.into_iter().zip(through_time(scene, &times)) {
+        indices.into_iter().for_each(|index| f(&gaussians, index));
+    }
+}
+
 /// The views of each time by index, times ascending; 0 for a view without a time.
 pub fn by_time<'a>(views: impl IntoIterator<Item = &'a View>) -> Vec<(f64, Vec<usize>)> {
     let mut order: Vec<(f64, usize)> =

@@ -49,28 +49,29 @@ pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
         poses.poses.iter().map(|(s, _)| (*s, own.node_poses(span, span.times[0] + s))).collect();
     let known = ((KNOWN * seen.len() as f64) as usize).clamp(1, seen.len());
     let early = Poses { poses: poses.poses[..known].to_vec(), ..poses.clone() };
-    let whole = |law: Law, count: usize| settled(&own.nodes, poses, law, count, &seen);
-    let mut best: Option<(f64, f64, Law, usize)> = None;
+    let mut best: Option<(f64, f64, Law, Settled)> = None;
     for law in WHOLE {
+        let (Some(values), Some(before)) = (values_of(poses, law), values_of(&early, law)) else { continue };
         for count in 0..=RHYTHMS {
-            let Some(all) = whole(law, count) else { continue };
-            let Some(before) = settled(&own.nodes, &early, law, count, &seen[..known]) else { continue };
+            let Some(all) = settled(&own.nodes, poses, (law, values), count, &seen) else { continue };
+            let before = settled(&own.nodes, &early, (law, before), count, &seen[..known]);
+            let Some(before) = before else { continue };
             let late = within(&own.nodes, before.values, poses.first, &seen[known - 1..]);
             let [left, foreseen] = [apart(&all.rhythm, &all.rows), apart(&before.rhythm, &late)];
             let score = score(poses, law, count, [left, foreseen]);
-            if best.is_none_or(|(least, ..)| score < least) {
-                best = Some((score, foreseen, law, count));
+            if best.as_ref().is_none_or(|(least, ..)| score < *least) {
+                best = Some((score, foreseen, law, all));
             }
         }
     }
-    let (_, foreseen, law, count) = best.unwrap_or((0.0, f64::INFINITY, Law::of(&[]), 0));
-    let rests = || Settled {
-        values: LawValues::REST,
-        rhythm: Rhythm::default(),
-        rows: within(&own.nodes, LawValues::REST, poses.first, &seen),
+    let rests = || {
+        let rows = within(&own.nodes, LawValues::REST, poses.first, &seen);
+        let settled = Settled { values: LawValues::REST, rhythm: Rhythm::default(), rows };
+        (0.0, f64::INFINITY, Law::of(&[]), settled)
     };
-    let Settled { values, rhythm, rows } = whole(law, count).unwrap_or_else(rests);
-    let frame = BodyFrame { centre: poses.first.to_array(), law, since: span.times[0], rhythms: count as u32 };
+    let (_, foreseen, law, Settled { values, rhythm, rows }) = best.unwrap_or_else(rests);
+    let rhythms = rhythm.rates.len() as u32;
+    let frame = BodyFrame { centre: poses.first.to_array(), law, since: span.times[0], rhythms };
     let rest = rest(&rhythm, &rows, span);
     let of = |(index, (node, _)): (usize, &(NodeFrame, _))| (node.clone(), columns(&rhythm, &rest, span, node, index));
     let nodes = own.nodes.iter().enumerate().map(of).collect();
@@ -84,7 +85,8 @@ struct Settled {
     rows: Vec<(f64, Vec<f64>)>,
 }
 
-/// The law of the whole with `count` oscillations in its frame, and the nodes there. `None` where the law does not fit.
+/// The law of the whole, first fitted with `values`, with `count` oscillations in its frame, and the nodes there.
+/// `None` where the law does not fit.
 ///
 /// Poses of a whole that bends go to and fro with it, and over about a period an oscillation is not told from an even
 /// motion if the two are fitted in turn. So oscillations are first fitted beside a polynomial of each node, of order 1
@@ -93,11 +95,10 @@ struct Settled {
 fn settled(
     nodes: &[(NodeFrame, Vec<[f64; MOTION]>)],
     poses: &Poses,
-    law: Law,
+    (law, mut values): (Law, LawValues),
     count: usize,
     seen: &[(f64, Vec<BodyPose>)],
 ) -> Option<Settled> {
-    let mut values = values_of(poses, law)?;
     let mut rows = within(nodes, values, poses.first, seen);
     let passes = if count > 0 && law != Law::of(&[]) { PASSES } else { 0 };
     for _ in 0..passes {

@@ -34,8 +34,8 @@ const OF_NODE: usize = 10;
 /// Standard deviation of a node's weight in distances to the nearest node: half way, neighbours weigh alike.
 const NODE_WIDTH: f64 = 0.6;
 
-/// What moves less than this while frames are seen is static under FreeGave, in the field's unit of length, the size of
-/// the objects: its renderer freezes what moves by less than 0.01, in scenes about 1 unit large.
+/// A Gaussian that moves less than this while frames are seen is static under FreeGave, in the field's unit of length,
+/// the size of the objects: its renderer freezes what moves by less than 0.01, in scenes about 1 unit large.
 const FROZEN: f64 = 0.01;
 
 /// The model after the events of a step: bodies are found, and given laws.

@@ -9,7 +9,7 @@ use super::{Config, Sparsedyn, Step};
 use gs_train::fit::figure::{Figure, Figures};
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::{camera, mask_of, to_tensor};
-use gs_train::fit::times::{by_time, through_time};
+use gs_train::fit::times::{by_time, each_view};
 use gs_train::run::metrics::{mean, psnr_counted};
 
 /// Figures beside image quality: over `views` after the last time seen, what the scene gains over its last state, and
@@ -24,19 +24,22 @@ pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, scene: &Scene, views: &
         "units/time",
     );
     let mut numbers = vec![count, speed.digits(3)];
-    let compared = Compared { model, gaussians, at };
     let is_later = |view: &&View| model.frame.clock.inner(view.time.unwrap_or(0.0)) > model.frame.span[1];
     let later: Vec<&View> = views.iter().filter(is_later).collect();
+    if later.is_empty() {
+        return Figures { numbers, tables: Vec::new() };
+    }
+    let compared = Compared { model, gaussians, at };
     if let Some([future, held]) = compared.future_and_held(&later) {
         numbers.push(Figure::new("held", "PSNR of the last state seen, held", held, "dB").digits(2));
         numbers.push(Figure::new("gain", "PSNR of the future over it", future - held, "dB").digits(2).column());
     }
     let seen: Vec<&View> = scene.held_out_views().filter(|view| !is_later(view)).collect();
     // At most as many as show the future, by whole times.
-    let every = seen.len().div_ceil(later.len().max(1)).max(1);
+    let every = seen.len().div_ceil(later.len()).max(1);
     let groups = by_time(seen.iter().copied()).into_iter().step_by(every);
     let seen: Vec<&View> = groups.flat_map(|(_, indices)| indices).map(|index| seen[index]).collect();
-    if let Some(seen) = mean_finite(compared.psnr(&seen)).filter(|_| !later.is_empty()) {
+    if let Some(seen) = mean_finite(compared.psnr(&seen)) {
         numbers.push(Figure::new("seen", "PSNR of the seen times, held-out cameras", seen, "dB").digits(2));
     }
     Figures { numbers, tables: Vec::new() }
@@ -60,12 +63,8 @@ impl Compared<'_> {
 
     /// The PSNR of each of `views`, ordered by time, dB.
     fn psnr(&self, views: &[&View]) -> Vec<f64> {
-        let (scene, groups) = (self.scene(), by_time(views.iter().copied()));
-        let times: Vec<f64> = groups.iter().map(|(time, _)| *time).collect();
         let mut all = Vec::new();
-        for ((_, indices), scene) in groups.iter().zip(through_time(&scene, &times)) {
-            all.extend(indices.iter().map(|index| self.psnr_of(&scene, views[*index])));
-        }
+        each_view(&self.scene(), views, |scene, index| all.push(self.psnr_of(scene, views[index])));
         all
     }
 

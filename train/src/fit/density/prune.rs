@@ -16,7 +16,7 @@ use super::ops::Draft;
 use crate::fit::parameters::to_host;
 use crate::fit::photos::camera;
 use crate::fit::random::{Purpose, stream};
-use crate::fit::times::{by_time, through_time};
+use crate::fit::times::each_view;
 use gs_burn::RowMap;
 use gs_burn::adam::Adam;
 
@@ -30,16 +30,12 @@ pub fn contributions(model: &dyn DynamicScene, views: &[View], options: &RenderO
     let mut chosen = index::sample(&mut sampler, views.len(), VIEWS.min(views.len())).into_vec();
     chosen.sort_unstable();
     let chosen: Vec<&View> = chosen.into_iter().map(|index| &views[index]).collect();
-    let groups = by_time(chosen.iter().copied());
-    let times: Vec<f64> = groups.iter().map(|(time, _)| *time).collect();
     let mut sums = Vec::new();
-    for ((_, indices), scene) in groups.iter().zip(through_time(model, &times)) {
-        for index in indices {
-            let weights = weights(&scene, chosen[*index], options);
-            sums.resize(weights.len(), 0.0);
-            sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += f64::from(weight));
-        }
-    }
+    each_view(model, &chosen, |scene, index| {
+        let weights = weights(scene, chosen[index], options);
+        sums.resize(weights.len(), 0.0);
+        sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += f64::from(weight));
+    });
     sums
 }
 
