@@ -2,7 +2,8 @@
 
 use burn::module::Module;
 use burn::tensor::Tensor;
-use burn::tensor::activation::{relu, silu};
+use burn::tensor::activation::relu;
+use gs_burn::ops::silu::silu;
 use gs_burn::{NamedGradients, NamedParameter, map_parameters, named_parameters};
 use gs_models::{Activation, Mlp, MlpConfig};
 use gs_tests::devices::{everywhere, reference};
