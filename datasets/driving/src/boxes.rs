@@ -1,6 +1,7 @@
 //! Labels of points from labelled boxes: which box a point is in, and how that box moves to the next frame.
 
 use glam::DVec3;
+use gs_base::median;
 use gs_datasets::DatasetError;
 use rayon::prelude::*;
 
@@ -15,22 +16,49 @@ pub const FLOW_INTERVAL: f64 = 0.1;
 
 /// Longest time between two frames whose boxes are compared for flow, seconds: one frame may be missing.
 const PAIR_MAX: f64 = 0.25;
+/// Least and greatest time between the points of an object in two frames, as a share of that between the frames. A
+/// LiDAR that turns may slip by a turn; an object where its turns begin is seen at the end of one and the start of the
+/// next, and its box is of neither time.
+const SIGHTINGS: [f64; 2] = [0.5, 2.5];
+/// The LiDAR whose box says how an object moves that two LiDARs see: that of the other is interpolated by the numbers
+/// of the frames, though its turns slip.
+const LEADING: u8 = 0;
+
+/// Boxes and points of a frame.
+pub(crate) struct Boxed {
+    pub boxes: Vec<Cuboid>,
+    pub sweep: Sweep,
+}
 
 /// Labels of points from the boxes of their frame and of the next one, which `later` reads and which is `interval`
 /// seconds later. A point outside of all boxes is background that does not move; a point in several boxes belongs to
-/// the smallest.
+/// the smallest. An object's motion is over the time between its points in the two sweeps.
 pub(crate) fn labels(
     sweep: &Sweep,
     boxes: &[Cuboid],
     interval: Option<f64>,
-    later: impl FnOnce() -> Result<Option<Vec<Cuboid>>, DatasetError>,
+    later: impl FnOnce() -> Result<Option<Boxed>, DatasetError>,
 ) -> Result<Labels, DatasetError> {
     let interval = interval.filter(|interval| *interval <= PAIR_MAX);
     let next = if interval.is_some() { later()? } else { None };
-    Ok(of_boxes(&sweep.points, &sweep.sensor, boxes, next.as_deref().zip(interval)))
+    Ok(of_boxes(sweep, boxes, next.as_ref().zip(interval)))
 }
 
-fn of_boxes(points: &[[f32; 3]], sensor: &[u8], boxes: &[Cuboid], next: Option<(&[Cuboid], f64)>) -> Labels {
+/// Whether a box holds a point of a LiDAR.
+fn holds(cuboid: &Cuboid, point: &[f32; 3], sensor: u8) -> bool {
+    let point = DVec3::from_array(point.map(f64::from));
+    cuboid.sensor.is_none_or(|only| only == sensor)
+        && point.distance_squared(cuboid.centre) <= (0.5 * cuboid.size.length() + 2.0 * MARGIN).powi(2)
+        && cuboid.contains(point, MARGIN)
+}
+
+/// The median time of the points in a box, seconds.
+fn sighting(sweep: &Sweep, cuboid: &Cuboid) -> Option<f64> {
+    let inside = |index: &usize| holds(cuboid, &sweep.points[*index], sweep.sensor[*index]);
+    median((0..sweep.len()).filter(inside).map(|index| sweep.times[index]).collect())
+}
+
+fn of_boxes(sweep: &Sweep, boxes: &[Cuboid], next: Option<(&Boxed, f64)>) -> Labels {
     let mut order: Vec<&Cuboid> = boxes.iter().collect();
     order.sort_by(|a, b| a.size.element_product().total_cmp(&b.size.element_product()));
     let mut tracks: Vec<String> = order.iter().map(|cuboid| cuboid.track.clone()).collect();
@@ -39,33 +67,76 @@ fn of_boxes(points: &[[f32; 3]], sensor: &[u8], boxes: &[Cuboid], next: Option<(
     let instances: Vec<u32> =
         order.iter().map(|cuboid| 1 + tracks.binary_search(&cuboid.track).unwrap_or_default() as u32).collect();
     let classes: Vec<ObjectClass> = order.iter().map(|cuboid| ObjectClass::of_label(&cuboid.label)).collect();
-    let same = |cuboid: &Cuboid| next?.0.iter().find(|other| other.id == cuboid.id);
-    let later: Vec<Option<&Cuboid>> = order.iter().map(|cuboid| same(cuboid)).collect();
-    let scale = next.map_or(1.0, |(_, interval)| FLOW_INTERVAL / interval);
-    let inside: Vec<Option<usize>> = points
-        .par_iter()
-        .zip(sensor)
-        .map(|(point, sensor)| {
-            let point = DVec3::from_array(point.map(f64::from));
-            order.iter().position(|cuboid| {
-                cuboid.sensor.is_none_or(|only| only == *sensor)
-                    && point.distance_squared(cuboid.centre) <= (0.5 * cuboid.size.length() + 2.0 * MARGIN).powi(2)
-                    && cuboid.contains(point, MARGIN)
-            })
-        })
-        .collect();
+    // The box by which an object moves, that box in the next frame, and 0.1 s as a share of the time until then.
+    let motion = |index: usize| {
+        let ((next, interval), cuboid) = (next?, order[index]);
+        let leads = |other: &&Cuboid| other.track == cuboid.track && other.sensor == Some(LEADING);
+        let before = order.iter().copied().find(leads).unwrap_or(cuboid);
+        let after = next.boxes.iter().find(|other| other.id == before.id)?;
+        let between = sighting(sweep, before).zip(sighting(&next.sweep, after)).map(|(from, to)| to - from);
+        let bounds = SIGHTINGS[0] * interval..=SIGHTINGS[1] * interval;
+        Some((before, after, FLOW_INTERVAL / between.filter(|between| bounds.contains(between)).unwrap_or(interval)))
+    };
+    let motions: Vec<Option<(&Cuboid, &Cuboid, f64)>> = (0..order.len()).into_par_iter().map(motion).collect();
+    let points = sweep.points.par_iter().zip(&sweep.sensor);
+    let inside: Vec<Option<usize>> =
+        points.map(|(point, sensor)| order.iter().position(|cuboid| holds(cuboid, point, *sensor))).collect();
     let flow = |(point, found): (&[f32; 3], &Option<usize>)| match found {
         None => Some([0.0; 3]),
-        Some(index) => later[*index].map(|after| {
+        Some(index) => motions[*index].map(|(before, after, scale)| {
             let point = DVec3::from_array(point.map(f64::from));
-            (scale * (after.world(order[*index].local(point)) - point)).as_vec3().to_array()
+            (scale * (after.world(before.local(point)) - point)).as_vec3().to_array()
         }),
     };
     Labels {
         class: inside.iter().map(|found| found.map_or(ObjectClass::Background, |index| classes[index])).collect(),
         instance: inside.iter().map(|found| found.map_or(0, |index| instances[index])).collect(),
-        flow: points.iter().zip(&inside).map(flow).collect(),
+        flow: sweep.points.iter().zip(&inside).map(flow).collect(),
         tracks,
         semantic: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cuboid(x: f64, sensor: Option<u8>) -> Cuboid {
+        Cuboid {
+            track: "a car".to_string(),
+            label: "Car".to_string(),
+            centre: DVec3::new(x, 0.0, 1.0),
+            size: DVec3::new(4.0, 2.0, 2.0),
+            yaw: 0.0,
+            sensor,
+            id: format!("a car, {sensor:?}"),
+        }
+    }
+
+    /// A sweep of two LiDARs with a point each on a car at places, at times.
+    fn sweep(places: [f64; 2], times: [f64; 2]) -> Sweep {
+        let points = places.map(|x| [x as f32, 0.5, 1.0]).to_vec();
+        Sweep { points, times: times.to_vec(), sensor: vec![0, 1], intensity: vec![0.0; 2], ..Sweep::default() }
+    }
+
+    /// A car of 10 m/s. The second LiDAR slips by a turn before the next frame, and its boxes, interpolated over
+    /// frames, do not say so: the motion is that of the first LiDAR's box, over the time between its points.
+    #[test]
+    fn motion_is_over_the_time_between_sightings() {
+        let boxes = [cuboid(0.0, Some(0)), cuboid(-0.5, Some(1))];
+        let this = sweep([0.0, -0.5], [0.02, -0.03]);
+        let boxed = || Boxed {
+            boxes: vec![cuboid(1.0, Some(0)), cuboid(1.4, Some(1))],
+            sweep: sweep([1.0, 1.4], [0.12, 0.16]),
+        };
+        let labels = labels(&this, &boxes, Some(0.1), || Ok(Some(boxed()))).expect("labels");
+        for flow in &labels.flow {
+            let flow = flow.expect("known");
+            assert!((flow[0] - 1.0).abs() < 1e-6 && flow[1] == 0.0, "{flow:?}");
+        }
+        // Frames 0.1 s apart, sightings 0.12 s apart.
+        let late = Boxed { boxes: vec![cuboid(1.2, None)], sweep: sweep([1.2, 1.2], [0.12, 0.12]) };
+        let labels = super::labels(&sweep([0.0; 2], [0.0; 2]), &[cuboid(0.0, None)], Some(0.1), || Ok(Some(late)));
+        assert!((labels.expect("labels").flow[0].expect("known")[0] - 1.0).abs() < 1e-6);
     }
 }

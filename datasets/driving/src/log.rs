@@ -35,13 +35,15 @@ impl LogFormat {
         }
     }
 
-    /// The place of the LiDAR that turns, metres, in the axes of the ego vehicle. It is that of the data set's
-    /// vehicles; logs do not have it (PandaSet) or differ by centimetres.
-    fn lidar(self) -> DVec3 {
+    /// The places of the LiDARs, metres, in the axes of the ego vehicle, the one that turns first. They are those of
+    /// the data set's vehicles; logs do not have them (PandaSet) or differ by centimetres.
+    fn lidars(self) -> &'static [[f64; 3]] {
         match self {
-            Self::PandaSet => DVec3::new(0.0, 0.8, 1.85),
-            Self::Argoverse => DVec3::new(1.35, 0.0, 1.64),
-            Self::Waymo => DVec3::new(1.43, 0.0, 2.18),
+            Self::PandaSet => &[[0.0, 0.8, 1.85], [0.0, 1.41, 1.55]],
+            Self::Argoverse => &[[1.35, 0.0, 1.64]],
+            Self::Waymo => {
+                &[[1.43, 0.0, 2.18], [4.07, 0.0, 0.69], [3.25, 1.03, 0.98], [3.25, -1.03, 0.98], [-1.15, 0.0, 0.47]]
+            }
         }
     }
 
@@ -206,12 +208,15 @@ impl DrivingLog {
         &self.description.frames
     }
 
-    /// Where the LiDAR that turns is at a frame, metres, centred world.
+    /// Where a LiDAR, as numbered in [`Sweep::sensor`], is at a frame, metres, centred world. One whose place is not
+    /// known is beside the first.
     ///
     /// # Panics
     /// When there is no such frame.
-    pub fn lidar_position(&self, frame: usize) -> DVec3 {
-        self.frames()[frame].ego.transform_point3(self.format.lidar())
+    pub fn lidar_position(&self, frame: usize, sensor: u8) -> DVec3 {
+        let lidars = self.format.lidars();
+        let place = lidars.get(usize::from(sensor)).unwrap_or(&lidars[0]);
+        self.frames()[frame].ego.transform_point3(DVec3::from_array(*place))
     }
 
     /// The cameras.
@@ -281,7 +286,7 @@ impl DrivingLog {
         Ok(image)
     }
 
-    /// Reads a sweep with its labels.
+    /// Reads a sweep, without labels.
     ///
     /// # Errors
     /// When its file is missing or broken.
@@ -289,12 +294,31 @@ impl DrivingLog {
     /// # Panics
     /// When there is no such frame.
     pub fn sweep(&self, frame: usize) -> Result<Sweep, DatasetError> {
-        let (this, next) = (&self.frames()[frame], self.frames().get(frame + 1));
+        let this = &self.frames()[frame];
         match self.format {
-            LogFormat::PandaSet => pandaset::sweep::read(&self.path, this, next, self.origin()),
-            LogFormat::Argoverse => argoverse::sweep::read(&self.path, this, next),
+            LogFormat::PandaSet => pandaset::sweep::read(&self.path, this, self.origin()),
+            LogFormat::Argoverse => argoverse::sweep::read(&self.path, this),
             #[cfg(feature = "waymo")]
             LogFormat::Waymo => self.segment().sweep(frame, self.origin()),
+            #[cfg(not(feature = "waymo"))]
+            LogFormat::Waymo => unreachable!("a Waymo segment does not open"),
+        }
+    }
+
+    /// Reads a sweep with its labels, for which the sweep of the next frame is read as well.
+    ///
+    /// # Errors
+    /// When a file is missing or broken.
+    ///
+    /// # Panics
+    /// When there is no such frame.
+    pub fn labelled_sweep(&self, frame: usize) -> Result<Sweep, DatasetError> {
+        let (this, next) = (&self.frames()[frame], self.frames().get(frame + 1));
+        match self.format {
+            LogFormat::PandaSet => pandaset::sweep::labelled(&self.path, this, next, self.origin()),
+            LogFormat::Argoverse => argoverse::sweep::labelled(&self.path, this, next),
+            #[cfg(feature = "waymo")]
+            LogFormat::Waymo => self.segment().labelled_sweep(frame, self.origin()),
             #[cfg(not(feature = "waymo"))]
             LogFormat::Waymo => unreachable!("a Waymo segment does not open"),
         }

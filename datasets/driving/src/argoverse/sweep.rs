@@ -7,7 +7,7 @@ use gs_datasets::DatasetError;
 
 use super::describe::{LIDAR, seconds};
 use super::poses::transforms;
-use crate::boxes;
+use crate::boxes::{self, Boxed};
 use crate::description::Frame;
 use crate::feather::table::Feather;
 use crate::sweep::{Cuboid, RANGE_MAX, Sweep};
@@ -15,9 +15,9 @@ use crate::sweep::{Cuboid, RANGE_MAX, Sweep};
 /// Lasers from this number on are of the lower LiDAR.
 const LOWER: f64 = 32.0;
 
-/// The sweep of a frame with labels by its boxes. Points are those of the ego vehicle at the time of the frame; its
-/// pose brings them to the city.
-pub(crate) fn read(log: &Path, frame: &Frame, next: Option<&Frame>) -> Result<Sweep, DatasetError> {
+/// The sweep of a frame. Points are those of the ego vehicle at the time of the frame; its pose brings them to the
+/// city.
+pub(crate) fn read(log: &Path, frame: &Frame) -> Result<Sweep, DatasetError> {
     let path = log.join(LIDAR).join(format!("{}.feather", frame.name));
     let file = Feather::open(&path)?;
     let [x, y, z] = [file.numbers("x")?, file.numbers("y")?, file.numbers("z")?];
@@ -26,17 +26,23 @@ pub(crate) fn read(log: &Path, frame: &Frame, next: Option<&Frame>) -> Result<Sw
     let stamp = stamp(&path, frame)?;
     let points: Vec<DVec3> = (0..x.len()).map(|i| DVec3::new(x[i], y[i], z[i])).collect();
     let kept: Vec<usize> = (0..points.len()).filter(|i| points[*i].length() <= RANGE_MAX).collect();
-    let mut sweep = Sweep {
+    Ok(Sweep {
         points: kept.iter().map(|i| frame.ego.transform_point3(points[*i]).as_vec3().to_array()).collect(),
         times: kept.iter().map(|i| seconds(stamp.saturating_add(offset[*i]))).collect(),
         intensity: kept.iter().map(|i| intensity[*i] as f32).collect(),
         sensor: kept.iter().map(|i| u8::from(laser[*i] >= LOWER)).collect(),
         labels: None,
         left_out: points.len() - kept.len(),
-    };
+    })
+}
+
+/// The sweep of a frame with labels by its boxes; `next` is the frame behind it.
+pub(crate) fn labelled(log: &Path, frame: &Frame, next: Option<&Frame>) -> Result<Sweep, DatasetError> {
+    let mut sweep = read(log, frame)?;
     let this = cuboids(log, frame)?;
     if !this.is_empty() {
-        let later = || next.map(|next| cuboids(log, next)).transpose();
+        let boxed = |next| Ok(Boxed { boxes: cuboids(log, next)?, sweep: read(log, next)? });
+        let later = || next.filter(|next| next.has_sweep).map(boxed).transpose();
         sweep.labels = Some(boxes::labels(&sweep, &this, next.map(|next| next.time - frame.time), later)?);
     }
     Ok(sweep)
@@ -96,7 +102,7 @@ mod tests {
         let log = PathBuf::from(std::env::var_os("GS_ARGOVERSE").expect("a folder"));
         let described = super::super::describe::describe(&log, &LogOptions::default()).expect("described");
         let (this, next) = (&described.frames[0], &described.frames[1]);
-        let sweep = read(&log, this, Some(next)).expect("a sweep");
+        let sweep = labelled(&log, this, Some(next)).expect("a sweep");
         let file = Feather::open(&log.join("flow_labels.feather")).expect("labels");
         let axis = |name: &str| file.numbers(name).expect("a column");
         let [x, y, z] = [axis("flow_tx_m"), axis("flow_ty_m"), axis("flow_tz_m")];

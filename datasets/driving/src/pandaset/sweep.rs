@@ -7,7 +7,7 @@ use gs_base::counted;
 use gs_datasets::DatasetError;
 
 use super::{cuboids, names, truth};
-use crate::boxes;
+use crate::boxes::{self, Boxed};
 use crate::description::Frame;
 use crate::pickle::table::{self, Table};
 use crate::pickle::value::PickleError;
@@ -21,9 +21,19 @@ struct Rows {
     sensor: Vec<f64>,
 }
 
-/// The sweep of a frame, with labels by its boxes, or exact ones where the sequence has them; `next` is the frame
-/// behind it.
-pub(crate) fn read(sequence: &Path, frame: &Frame, next: Option<&Frame>, origin: DVec3) -> Result<Sweep, DatasetError> {
+/// The sweep of a frame, and the rows of the file that its points are of, with their number.
+struct Read {
+    sweep: Sweep,
+    kept: Vec<usize>,
+    count: usize,
+}
+
+/// The sweep of a frame.
+pub(crate) fn read(sequence: &Path, frame: &Frame, origin: DVec3) -> Result<Sweep, DatasetError> {
+    read_rows(sequence, frame, origin).map(|read| read.sweep)
+}
+
+fn read_rows(sequence: &Path, frame: &Frame, origin: DVec3) -> Result<Read, DatasetError> {
     let folder = sequence.join(names::LIDAR);
     let missing =
         || DatasetError::read(&folder.join(format!("{}.pkl.gz", frame.name)), std::io::ErrorKind::NotFound.into());
@@ -36,7 +46,7 @@ pub(crate) fn read(sequence: &Path, frame: &Frame, next: Option<&Frame>, origin:
             near && rows.times[*index].is_finite()
         })
         .collect();
-    let mut sweep = Sweep {
+    let sweep = Sweep {
         points: kept.iter().map(|i| (rows.points[*i] - origin).as_vec3().to_array()).collect(),
         times: kept.iter().map(|i| rows.times[*i]).collect(),
         intensity: kept.iter().map(|i| rows.intensity[*i] as f32).collect(),
@@ -44,13 +54,28 @@ pub(crate) fn read(sequence: &Path, frame: &Frame, next: Option<&Frame>, origin:
         labels: None,
         left_out: rows.points.len() - kept.len(),
     };
-    let count = rows.points.len();
+    Ok(Read { sweep, kept, count: rows.points.len() })
+}
+
+/// The sweep of a frame with labels by its boxes, or exact ones where the sequence has them; `next` is the frame behind
+/// it.
+pub(crate) fn labelled(
+    sequence: &Path,
+    frame: &Frame,
+    next: Option<&Frame>,
+    origin: DVec3,
+) -> Result<Sweep, DatasetError> {
+    let Read { mut sweep, kept, count } = read_rows(sequence, frame, origin)?;
     if let Some(labels) = truth::read(sequence, &frame.name, count, &kept)? {
         sweep.labels = Some(labels);
         return Ok(sweep);
     }
     if let Some(boxes) = cuboids::read(sequence, &frame.name, origin)? {
-        let later = || next.map_or(Ok(None), |next| cuboids::read(sequence, &next.name, origin));
+        let later = || {
+            let Some(next) = next.filter(|next| next.has_sweep) else { return Ok(None) };
+            let Some(boxes) = cuboids::read(sequence, &next.name, origin)? else { return Ok(None) };
+            Ok(Some(Boxed { boxes, sweep: read(sequence, next, origin)? }))
+        };
         sweep.labels = Some(boxes::labels(&sweep, &boxes, next.map(|next| next.time - frame.time), later)?);
     }
     if let Some(labels) = &mut sweep.labels

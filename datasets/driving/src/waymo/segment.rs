@@ -12,7 +12,7 @@ use super::names;
 use super::parts::{BoxPart, CAMERAS, FramePart, LABELS, LASERS, Parts, Scan, name};
 use super::range::{Points, seconds};
 use super::record::Records;
-use crate::boxes;
+use crate::boxes::{self, Boxed};
 use crate::description::{Description, Frame, Shot, centred, without};
 use crate::options::LogOptions;
 use crate::sweep::{Cuboid, ObjectClass, Sweep};
@@ -132,8 +132,12 @@ impl Segment {
         decode_photo(&place, &bytes, self.max_width, lens.as_ref())
     }
 
-    /// The sweep of a frame with labels by its boxes.
+    /// The sweep of a frame.
     pub fn sweep(&self, frame: usize, origin: DVec3) -> Result<Sweep, DatasetError> {
+        self.points(frame, origin).map(|points| points.sweep)
+    }
+
+    fn points(&self, frame: usize, origin: DVec3) -> Result<Points, DatasetError> {
         let this = &self.parts.frames[frame];
         let second = self.with_second_returns;
         let scans = match &self.source {
@@ -154,13 +158,23 @@ impl Segment {
                 DatasetError::malformed(&file, place, "the pixels of the calibrated laser", found)
             })?;
         }
-        let Points { mut sweep, unlabelled } = points;
+        Ok(points)
+    }
+
+    /// The sweep of a frame with labels by its boxes.
+    pub fn labelled_sweep(&self, frame: usize, origin: DVec3) -> Result<Sweep, DatasetError> {
+        let this = &self.parts.frames[frame];
+        let Points { mut sweep, unlabelled } = self.points(frame, origin)?;
         let boxes = self.cuboids(frame, origin)?;
         if !boxes.is_empty() {
             let next = self.parts.frames.get(frame + 1);
             // Seconds since 1970 would leave six digits of the difference.
             let interval = next.map(|next| seconds(next.stamp.saturating_sub(this.stamp)));
-            let mut labels = boxes::labels(&sweep, &boxes, interval, || self.cuboids(frame + 1, origin).map(Some))?;
+            let later = || {
+                let (boxes, sweep) = (self.cuboids(frame + 1, origin)?, self.sweep(frame + 1, origin)?);
+                Ok(Some(Boxed { boxes, sweep }))
+            };
+            let mut labels = boxes::labels(&sweep, &boxes, interval, later)?;
             // Nobody has looked for objects there.
             for (index, _) in unlabelled.iter().enumerate().filter(|(_, unlabelled)| **unlabelled) {
                 if labels.class[index] == ObjectClass::Background && labels.instance[index] == 0 {

@@ -39,7 +39,7 @@ fn median_distance(a: &[[f32; 3]], b: &[[f32; 3]], every: usize) -> f32 {
 #[ignore = "needs GS_PANDASET"]
 fn pandaset_sweeps_overlap_and_are_coloured() {
     let log = DrivingLog::open(&folder("GS_PANDASET"), &LogOptions::default()).expect("opened");
-    let (a, b) = (log.sweep(0).expect("a sweep"), log.sweep(1).expect("a sweep"));
+    let (a, b) = (log.labelled_sweep(0).expect("a sweep"), log.labelled_sweep(1).expect("a sweep"));
     assert!(a.len() > 100_000 && a.left_out == 0);
     let distance = median_distance(&a.points, &b.points, 97);
     assert!(distance < 0.1, "{distance} m between sweeps of a vehicle that compensates for its motion");
@@ -61,7 +61,7 @@ fn pandaset_sweeps_overlap_and_are_coloured() {
 fn argoverse_sweeps_overlap_and_are_labelled() {
     let log = DrivingLog::open(&folder("GS_ARGOVERSE"), &LogOptions::default()).expect("opened");
     assert!(log.origin().length() > 100.0, "a city's world: {}", log.origin());
-    let (a, b) = (log.sweep(0).expect("a sweep"), log.sweep(1).expect("a sweep"));
+    let (a, b) = (log.labelled_sweep(0).expect("a sweep"), log.labelled_sweep(1).expect("a sweep"));
     assert!(a.len() > 90_000 && a.left_out == 0, "{} points", a.len());
     let distance = median_distance(&a.points, &b.points, 97);
     assert!(distance < 0.1, "{distance} m between sweeps");

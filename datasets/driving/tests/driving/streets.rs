@@ -36,7 +36,7 @@ fn a_street_comes_back_in_both_layouts() {
         assert_eq!((log.frames().len(), log.cameras().len(), log.origin()), (3, 2, DVec3::ZERO));
         assert!(log.warnings().is_empty(), "a log may have two cameras: {:?}", log.warnings());
         for frame in 0..3 {
-            let sweep = log.sweep(frame).expect("a sweep");
+            let sweep = log.labelled_sweep(frame).expect("a sweep");
             assert!(sweep.len() > 2000 && sweep.left_out == 0, "{} points", sweep.len());
             let time = log.frames()[frame].time;
             assert!(
@@ -77,7 +77,7 @@ fn same_seed_same_bytes_other_seed_other_street() {
 fn points_fall_on_pixels_of_their_depth() {
     let (folder, log) = made(&small());
     for frame in 0..3 {
-        let sweep = log.sweep(frame).expect("a sweep");
+        let sweep = log.labelled_sweep(frame).expect("a sweep");
         for camera in 0..2 {
             let described = &log.cameras()[camera];
             let truth =
@@ -103,7 +103,7 @@ fn points_fall_on_pixels_of_their_depth() {
 #[test]
 fn colours_are_those_of_the_image() {
     let (_folder, log) = made(&small());
-    let sweep = log.sweep(1).expect("a sweep");
+    let sweep = log.labelled_sweep(1).expect("a sweep");
     let found = colors(&log, 1, &sweep).expect("colours");
     let image = log.image(1, 0).expect("an image");
     let w2c = log.camera_pose(1, 0).expect("a pose").inverse();
@@ -141,7 +141,7 @@ fn flow_leads_into_the_next_box() {
     let (_folder, log) = made(&small());
     let (mut moving, mut inside) = (0, 0);
     for frame in 0..2 {
-        let sweep = log.sweep(frame).expect("a sweep");
+        let sweep = log.labelled_sweep(frame).expect("a sweep");
         let labels = sweep.labels.as_ref().expect("labels");
         let later = log.cuboids(frame + 1).expect("boxes");
         for (index, point) in sweep.points.iter().enumerate() {

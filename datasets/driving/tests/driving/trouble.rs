@@ -99,14 +99,14 @@ fn missing_sensors() {
     let folder = made(2);
     fs::remove_dir_all(folder.path().join("camera")).expect("removed");
     let log = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened");
-    let sweep = log.sweep(0).expect("a sweep");
+    let sweep = log.labelled_sweep(0).expect("a sweep");
     assert!(log.cameras().is_empty() && colors(&log, 0, &sweep).expect("none").iter().all(Option::is_none));
     let folder = made(3);
     fs::remove_file(folder.path().join("lidar/01.pkl")).expect("removed");
     let log = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened");
     assert_eq!(log.frames().iter().map(|frame| frame.has_sweep).collect::<Vec<_>>(), [true, false, true]);
     assert!(log.warnings().iter().any(|text| text.contains("without a sweep")), "{:?}", log.warnings());
-    assert!(log.sweep(1).expect_err("no sweep").to_string().contains("01.pkl"));
+    assert!(log.labelled_sweep(1).expect_err("no sweep").to_string().contains("01.pkl"));
     fs::remove_dir_all(folder.path().join("lidar")).expect("removed");
     assert!(error(folder.path()).contains("expected a driving log"));
 }
@@ -164,7 +164,8 @@ fn one_fault_of_all_sweeps_is_one_sentence() {
 fn points_at_infinity_are_left_out() {
     let folder = made(1);
     let path = folder.path().join("lidar/00.pkl");
-    let before = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened").sweep(0).expect("a sweep");
+    let before =
+        DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened").labelled_sweep(0).expect("a sweep");
     let mut bytes = fs::read(&path).expect("read");
     // The block of floats begins with the column x, whose first three values are replaced.
     let length = (5 * 8 * before.len() as u32).to_le_bytes();
@@ -173,7 +174,8 @@ fn points_at_infinity_are_left_out() {
         bytes[start + 8 * row..start + 8 * row + 8].copy_from_slice(&value.to_le_bytes());
     }
     fs::write(&path, bytes).expect("written");
-    let after = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened").sweep(0).expect("a sweep");
+    let after =
+        DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened").labelled_sweep(0).expect("a sweep");
     assert_eq!((after.len(), after.left_out), (before.len() - 3, 3));
     assert_eq!(after.points[..], before.points[3..]);
     let (old, new) = (before.labels.expect("labels"), after.labels.expect("labels"));
@@ -209,7 +211,7 @@ fn every_cut_of_a_sweep_is_one_sentence() {
     let cuts = (0..whole.len()).filter(|cut| *cut < 400 || *cut + 500 > whole.len() || cut % 499 == 0);
     for cut in cuts {
         fs::write(&path, &whole[..cut]).expect("written");
-        let error = log.sweep(0).expect_err("cut").to_string();
+        let error = log.labelled_sweep(0).expect_err("cut").to_string();
         assert!(error.contains("00.pkl") && !error.contains('\n'), "{cut}: {error}");
     }
 }

@@ -43,7 +43,7 @@ fn examine(path: &Path) -> Vec<String> {
         Err(error) => said.push(error.to_string()),
         Ok(log) => {
             let frame = log.frames().len() - 1;
-            said.extend(log.sweep(frame).err().map(|error| error.to_string()));
+            said.extend(log.labelled_sweep(frame).err().map(|error| error.to_string()));
             said.extend(log.cuboids(0).err().map(|error| error.to_string()));
             let images = (0..log.cameras().len()).filter(|camera| log.view_index(frame, *camera).is_some());
             said.extend(images.filter_map(|camera| log.image(frame, camera).err()).map(|error| error.to_string()));

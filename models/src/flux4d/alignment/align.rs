@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::aligned::Aligned;
-use super::bodies::{Before, COARSE, FINE, Snippet};
+use super::bodies::{Before, COARSE, FINE, Seen, Snippet};
+use super::clock::Clock;
 use super::evidence::{evident, heights, images, places, standing};
 use super::ground::Ground;
 use super::plan::Extent;
@@ -21,12 +22,14 @@ pub fn align(sweeps: &[AlignedSweep]) -> Aligned {
     let standing: Vec<Vec<usize>> = heights.iter().map(|heights| standing(heights)).collect();
     let extent = Extent::of(sweeps.iter().zip(&standing).flat_map(|(sweep, standing)| places(sweep, standing)));
     let images = images(sweeps, &heights);
-    let evident = evident(sweeps, &images, &standing);
+    let clocks: Vec<Clock> = sweeps.par_iter().map(Clock::of).collect();
+    let evident = evident(sweeps, &clocks, &images, &standing);
     let shadows: Vec<Shadow> = images.par_iter().map(|image| Shadow::new(image, extent, &ground)).collect();
-    let fine = Snippet::new(sweeps, &heights, (FINE, extent), (&shadows, &standing));
+    let seen = Seen { sweeps, heights: &heights, clocks: &clocks, shadows: &shadows };
+    let fine = Snippet::new(seen, (FINE, extent), &standing);
     let mut found = fine.bodies(&evident);
     let moving = of_sweeps(&evident, |sweep, point| !rests(&fine, sweep, point));
-    let mut coarse = Snippet::new(sweeps, &heights, (COARSE, extent), (&shadows, &moving));
+    let mut coarse = Snippet::new(seen, (COARSE, extent), &moving);
     coarse.complete(&mut found);
     let left = of_sweeps(&moving, |sweep, point| found.of_point[sweep][point].is_none());
     coarse.before = Some(Before { snippet: &fine, found: &found });
@@ -43,6 +46,7 @@ fn of_sweeps(points: &[Vec<usize>], keeps: impl Fn(usize, usize) -> bool + Sync)
 
 /// Whether the other sweeps show a surface where a point is.
 fn rests(snippet: &Snippet, sweep: usize, point: usize) -> bool {
-    let at = in_plan(&snippet.sweeps[sweep].points[point]);
-    snippet.score(&[at], &PlanarMotion::rest(at), &snippet.others(sweep)) >= REST_CLOSENESS
+    let at = in_plan(&snippet.seen.sweeps[sweep].points[point]);
+    let time = snippet.seen.clocks[sweep].at(at);
+    snippet.score(&[at], &PlanarMotion::rest(time, at), &snippet.others(sweep)) >= REST_CLOSENESS
 }

@@ -6,7 +6,7 @@ use super::search::PlanarMotion;
 /// The motions of the points of all sweeps.
 #[derive(Debug, Clone, Default)]
 pub struct Aligned {
-    /// The bodies that move, by sweep.
+    /// The bodies that move, by sweep; a body has the same place in all sweeps.
     pub bodies: Vec<Vec<PlanarMotion>>,
     /// The body of each point, by sweep; `None` rests.
     pub of_point: Vec<Vec<Option<u32>>>,

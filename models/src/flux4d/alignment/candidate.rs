@@ -20,8 +20,6 @@ pub struct Candidate {
     pub sweep: usize,
     /// Evident points.
     pub evident: Vec<[f64; 2]>,
-    /// Positions of the evident points of the same body in the sweeps before and after, at this one's time.
-    pub elsewhere: Vec<[f64; 2]>,
     /// The motion about the middle of the evident points.
     pub motion: PlanarMotion,
     /// Score of the motion, 0 to 1.

@@ -4,16 +4,17 @@ use rayon::prelude::*;
 
 use super::aligned::Aligned;
 use super::bodies::Snippet;
-use super::candidate::{Candidate, is_motion};
+use super::candidate::is_motion;
 use super::footprint::Footprint;
 use super::in_plan;
 use super::search::PlanarMotion;
+use super::tracks::Track;
 
 /// Heights of the points that belong to a body once it is found: from its wheels to the roof of a lorry. The road
 /// under a car is within 0.2 m of the ground around it.
 const OWN_HEIGHTS: [f32; 2] = [0.15, 4.5];
 /// Room around a body's evident points in which points belong to it, metres.
-const MARGIN: f64 = 0.35;
+pub const MARGIN: f64 = 0.35;
 /// Room in which points belong to it that move rather than rest, along and across its motion, metres: what is evident
 /// of a car may be its back alone.
 const AROUND: [f64; 2] = [3.0, 1.5];
@@ -34,13 +35,13 @@ impl Snippet<'_> {
             let mut own = vec![Vec::new(); bodies.len()];
             for (point, body) in found.of_point[sweep].iter().enumerate() {
                 if let Some(body) = body {
-                    own[*body as usize].push(in_plan(&self.sweeps[sweep].points[point]));
+                    own[*body as usize].push(in_plan(&self.seen.sweeps[sweep].points[point]));
                 }
             }
             let boxes = bodies.iter().zip(own).map(|(body, own)| Footprint::of(body.velocity, own.into_iter()));
             let boxes: Vec<Footprint> = boxes.collect();
             let of_point = |point: &usize| {
-                let at = in_plan(&self.sweeps[sweep].points[*point]);
+                let at = in_plan(&self.seen.sweeps[sweep].points[*point]);
                 let near = (0..boxes.len()).filter(|body| boxes[*body].contains(at, AROUND));
                 let fits = near.map(|body| (self.score(&[at], &bodies[body], &others), body));
                 let best = fits.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(score, _)| *score >= OWN_CLOSENESS);
@@ -52,43 +53,42 @@ impl Snippet<'_> {
         }
     }
 
-    /// Gives the points near each body to it.
-    pub fn claimed(&self, bodies: Vec<Candidate>) -> Aligned {
-        let of_sweep = |sweep: usize| {
-            let own: Vec<&Candidate> = bodies.iter().filter(|body| body.sweep == sweep).collect();
-            let footprint = |body: &&Candidate| {
-                let points = body.evident.iter().chain(&body.elsewhere);
-                Footprint::of(body.motion.velocity, points.copied())
-            };
-            let boxes: Vec<Footprint> = own.iter().map(footprint).collect();
-            let others = self.others(sweep);
-            let resting = self.before.as_ref().map_or(self, |before| before.snippet).others(sweep);
-            let of_point = |index: usize| {
-                let height = self.heights[sweep][index];
-                let is_taken = self.before.as_ref().is_some_and(|before| before.found.of_point[sweep][index].is_some());
-                if is_taken || !(OWN_HEIGHTS[0]..OWN_HEIGHTS[1]).contains(&height) {
-                    return None;
-                }
-                let at = in_plan(&self.sweeps[sweep].points[index]);
-                let fit = |body: usize| {
-                    let motion = &own[body].motion;
-                    let moving = self.score(&[at], motion, &others);
-                    let rest = self.score(&[at], &PlanarMotion::rest(motion.centre), &resting);
-                    let fits = if boxes[body].contains(at, [MARGIN; 2]) {
-                        moving >= OWN_CLOSENESS && moving >= rest - OWN_LOSS
-                    } else {
-                        is_motion(moving, rest)
-                    };
-                    fits.then_some((moving, body))
-                };
-                let near = (0..own.len()).filter(|body| boxes[*body].contains(at, AROUND));
-                near.filter_map(fit).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, body)| body as u32)
-            };
-            let of_point: Vec<Option<u32>> =
-                (0..self.sweeps[sweep].points.len()).into_par_iter().map(of_point).collect();
-            (own.iter().map(|body| body.motion).collect::<Vec<_>>(), of_point)
-        };
-        let (bodies, of_point) = (0..self.sweeps.len()).map(of_sweep).unzip();
+    /// Gives the points near each body to it, in every sweep.
+    pub fn claimed(&self, tracks: Vec<Track>) -> Aligned {
+        let (bodies, of_point) = (0..self.seen.sweeps.len()).map(|sweep| self.claimed_in(sweep, &tracks)).unzip();
         Aligned { bodies, of_point }
+    }
+
+    /// The motions of the bodies at the time of a sweep, and the body of each of its points.
+    fn claimed_in(&self, sweep: usize, tracks: &[Track]) -> (Vec<PlanarMotion>, Vec<Option<u32>>) {
+        let seen = self.seen;
+        let motions: Vec<PlanarMotion> = tracks.iter().map(|track| track.at(self, sweep)).collect();
+        let boxes: Vec<Vec<Footprint>> = tracks.iter().map(|track| track.footprints(self)).collect();
+        let others = self.others(sweep);
+        let whole = self.before.as_ref().map_or(self, |before| before.snippet);
+        let resting = whole.others(sweep);
+        let of_point = |index: usize| {
+            let height = seen.heights[sweep][index];
+            let is_taken = self.before.as_ref().is_some_and(|before| before.found.of_point[sweep][index].is_some());
+            if is_taken || !(OWN_HEIGHTS[0]..OWN_HEIGHTS[1]).contains(&height) {
+                return None;
+            }
+            let at = in_plan(&seen.sweeps[sweep].points[index]);
+            let fit = |body: usize| {
+                let motion = &motions[body];
+                let moving = self.score(&[at], motion, &others);
+                let rest = self.score(&[at], &PlanarMotion::rest(motion.time, at), &resting);
+                let fits = if boxes[body][sweep].contains(at, [MARGIN; 2]) {
+                    moving >= OWN_CLOSENESS && moving >= rest - OWN_LOSS
+                } else {
+                    is_motion(moving, rest)
+                };
+                (fits && !whole.rests(at, sweep, &boxes[body])).then_some((moving, body))
+            };
+            let near = (0..tracks.len()).filter(|body| boxes[*body][sweep].contains(at, AROUND));
+            near.filter_map(fit).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, body)| body as u32)
+        };
+        let of_point = (0..seen.sweeps[sweep].points.len()).into_par_iter().map(of_point).collect();
+        (motions, of_point)
     }
 }

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::clock::Clock;
 use super::free_space::RangeImage;
 use super::ground::Ground;
 use super::{AlignedSweep, in_plan};
@@ -12,8 +13,8 @@ const BODY_HEIGHTS: [f32; 2] = [0.3, 3.0];
 /// Points nearer to the LiDAR than this, metres from above, may be on the ego vehicle: no evidence of a body, but
 /// points of one that is found by others, as a car in the next lane.
 const EGO_RADIUS: f64 = 3.0;
-/// Points beyond this, metres, do not move: a car has a few points there.
-const RANGE: f64 = 80.0;
+/// Points beyond this, metres, do not move: a car has fewer of them there than a body needs.
+const RANGE: f64 = 150.0;
 /// Sweeps whose rays pass through a place before it is evident that something moved there; one where no more others see
 /// it than the second.
 const PASSES: usize = 2;
@@ -45,17 +46,25 @@ pub fn images(sweeps: &[AlignedSweep], heights: &[Vec<f32>]) -> Vec<RangeImage> 
 }
 
 /// The standing points of each sweep through whose places rays of other sweeps passed.
-pub fn evident(sweeps: &[AlignedSweep], images: &[RangeImage], standing: &[Vec<usize>]) -> Vec<Vec<usize>> {
+pub fn evident(
+    sweeps: &[AlignedSweep],
+    clocks: &[Clock],
+    images: &[RangeImage],
+    standing: &[Vec<usize>],
+) -> Vec<Vec<usize>> {
     let of_sweep = |sweep: usize| {
         let points = sweeps[sweep].points;
         let moved = |index: &usize| {
             let point = &points[*index];
-            let others = || images.iter().enumerate().filter(|(other, _)| *other != sweep).map(|(_, image)| image);
+            let others = || {
+                images.iter().zip(clocks).filter(|(_, clock)| clock.is_apart(&clocks[sweep])).map(|(image, _)| image)
+            };
             if distance(&sweeps[sweep], point) < EGO_RADIUS {
                 return false;
             }
             let passed = others().filter(|image| image.passed(point)).count();
-            let seen_by_few = || others().filter(|image| !image.hides(point)).count() <= SEEN_BY_FEW;
+            let seen_by_few =
+                || others().filter(|image| image.covers(point) && !image.hides(point)).count() <= SEEN_BY_FEW;
             passed >= PASSES || passed > 0 && seen_by_few()
         };
         standing[sweep].par_iter().copied().filter(moved).collect()

@@ -77,6 +77,15 @@ impl RangeImage {
         rows.map(|row| self.nearest[row * COLUMNS + column]).any(|nearest| f64::from(nearest) < range - BEFORE)
     }
 
+    /// Whether a point is in the LiDAR's field of view: one that looks ahead sees nothing behind it.
+    pub fn covers(&self, point: &[f32; 3]) -> bool {
+        let ([row, column], _) = self.place(point);
+        let columns = (0..3).map(|step| (column + COLUMNS - 1 + step) % COLUMNS);
+        let rows = self.rows.iter().position(|any| *any).zip(self.rows.iter().rposition(|any| *any));
+        columns.into_iter().any(|column| self.columns[column])
+            && rows.is_some_and(|(low, high)| (low..=high).contains(&row))
+    }
+
     /// Position of the LiDAR, metres.
     pub fn origin(&self) -> [f64; 3] {
         self.origin

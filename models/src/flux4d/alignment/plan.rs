@@ -15,9 +15,8 @@ const PAD: f64 = 2.0;
 const LINE_MAX: f64 = 1.2;
 /// A point has one neighbour in each of so many directions.
 const DIRECTIONS: usize = 8;
-/// Units of distance in a cell: the chamfer metric 3-4 is within 8 % of the Euclidean distance.
-const STRAIGHT: u8 = 3;
-const DIAGONAL: u8 = 4;
+/// Units of distance in a cell.
+const UNITS: f64 = 3.0;
 const FAR: u8 = 255;
 
 /// The grid that all plans of a snippet share.
@@ -71,7 +70,7 @@ impl Extent {
 #[derive(Debug)]
 pub struct Plan {
     extent: Extent,
-    /// Distance of each cell, in thirds of a cell.
+    /// Distance of each cell, in thirds of a cell; [`FAR`] from the reach on.
     distances: Vec<u8>,
     /// Distance from which on a place is not near a point, metres.
     reach: f64,
@@ -82,28 +81,29 @@ pub struct Plan {
 impl Plan {
     /// The plan of some points of a sweep and the lines between them; a place within `reach`, metres, is near them.
     pub fn new(points: impl Iterator<Item = [f64; 2]>, extent: Extent, reach: f64) -> Self {
-        let [width, height] = extent.size;
-        let mut distances = vec![FAR; width * height];
+        let mut occupied = vec![false; extent.size[0] * extent.size[1]];
         // One point a cell: more add nothing.
         let mut kept = Vec::new();
         for [x, y] in points {
-            if let Some(place) = extent.place(x, y).filter(|place| distances[*place] != 0) {
-                distances[place] = 0;
+            if let Some(place) = extent.place(x, y).filter(|place| !occupied[*place]) {
+                occupied[place] = true;
                 kept.push([x, y]);
             }
         }
+        let mut surface: Vec<usize> = kept.iter().filter_map(|[x, y]| extent.place(*x, *y)).collect();
         for [from, to] in lines(&kept) {
             let steps = ((to[0] - from[0]).hypot(to[1] - from[1]) / extent.cell).ceil();
             for step in 1..steps as usize {
                 let part = step as f64 / steps;
                 let [x, y] = [0, 1].map(|axis| from[axis] + part * (to[axis] - from[axis]));
-                if let Some(place) = extent.place(x, y) {
-                    distances[place] = 0;
+                if let Some(place) = extent.place(x, y).filter(|place| !occupied[*place]) {
+                    occupied[place] = true;
+                    surface.push(place);
                 }
             }
         }
-        sweep_over(&mut distances, width, height);
-        let unit = extent.cell / f64::from(STRAIGHT);
+        let distances = distances(&surface, extent, reach);
+        let unit = extent.cell / UNITS;
         let closeness = std::array::from_fn(|d| (1.0 - d as f64 * unit / reach).max(0.0) as f32);
         Self { extent, distances, reach, closeness }
     }
@@ -139,44 +139,32 @@ fn lines(points: &[[f64; 2]]) -> Vec<[[f64; 2]; 2]> {
     found
 }
 
-/// Chamfer distances in two passes.
-fn sweep_over(distances: &mut [u8], width: usize, height: usize) {
-    let mut relax = |at: usize, from: usize, cost: u8| {
-        let reached = distances[from].saturating_add(cost);
-        distances[at] = distances[at].min(reached);
+/// The distance of each cell to the nearest of some cells, as far as the reach.
+fn distances(surface: &[usize], extent: Extent, reach: f64) -> Vec<u8> {
+    let [width, height] = extent.size;
+    let side = (reach / extent.cell).ceil() as i64;
+    let span = 2 * side as usize + 1;
+    let of = |at: usize| {
+        let [x, y] = [at % span, at / span].map(|step| (step as i64 - side) as f64);
+        let distance = UNITS * x.hypot(y);
+        if distance * extent.cell < UNITS * reach { distance.round() as u8 } else { FAR }
     };
-    for y in 0..height {
-        for x in 0..width {
-            let at = y * width + x;
-            if x > 0 {
-                relax(at, at - 1, STRAIGHT);
-            }
-            if y > 0 {
-                relax(at, at - width, STRAIGHT);
-                if x > 0 {
-                    relax(at, at - width - 1, DIAGONAL);
-                }
-                if x + 1 < width {
-                    relax(at, at - width + 1, DIAGONAL);
-                }
-            }
-        }
-    }
-    for y in (0..height).rev() {
-        for x in (0..width).rev() {
-            let at = y * width + x;
-            if x + 1 < width {
-                relax(at, at + 1, STRAIGHT);
-            }
-            if y + 1 < height {
-                relax(at, at + width, STRAIGHT);
-                if x > 0 {
-                    relax(at, at + width - 1, DIAGONAL);
-                }
-                if x + 1 < width {
-                    relax(at, at + width + 1, DIAGONAL);
-                }
+    let disk: Vec<u8> = (0..span * span).map(of).collect();
+    let mut distances = vec![FAR; width * height];
+    for place in surface {
+        let [x, y] = [place % width, place / width].map(|at| at as i64 - side);
+        // The columns and rows of the disk that are in the grid.
+        let [columns, rows] = [(x, width), (y, height)].map(|(low, size)| {
+            let first = (-low).max(0) as usize;
+            first..span.min((size as i64 - low) as usize)
+        });
+        for row in rows {
+            let begin = ((y + row as i64) * width as i64 + x + columns.start as i64) as usize;
+            let stamp = &disk[row * span + columns.start..row * span + columns.end];
+            for (distance, near) in distances[begin..begin + stamp.len()].iter_mut().zip(stamp) {
+                *distance = (*distance).min(*near);
             }
         }
     }
+    distances
 }

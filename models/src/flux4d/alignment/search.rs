@@ -1,5 +1,6 @@
 //! The motion that brings a body's points onto the points of the other sweeps.
 
+use super::clock::Clock;
 use super::groups::middle;
 use super::plan::Plan;
 use super::shadow::Shadow;
@@ -35,6 +36,8 @@ const TURN_LENGTH: f64 = 2.0;
 /// Horizontal motion of a rigid body about a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlanarMotion {
+    /// That time, seconds.
+    pub time: f64,
     /// Position of the body's middle at that time, metres.
     pub centre: [f64; 2],
     /// Velocity of the middle, metres per second.
@@ -46,9 +49,9 @@ pub struct PlanarMotion {
 }
 
 impl PlanarMotion {
-    /// No motion.
-    pub fn rest(centre: [f64; 2]) -> Self {
-        Self { centre, velocity: [0.0; 2], acceleration: 0.0, turn: 0.0 }
+    /// No motion of a body that is seen at a time.
+    pub fn rest(time: f64, centre: [f64; 2]) -> Self {
+        Self { time, centre, velocity: [0.0; 2], acceleration: 0.0, turn: 0.0 }
     }
 
     /// Metres per second.
@@ -81,7 +84,7 @@ impl PlanarMotion {
     pub fn after(&self, seconds: f64) -> Self {
         let (velocity, acceleration) = self.at(self.centre);
         let velocity = [0, 1].map(|axis| velocity[axis] + seconds * acceleration[axis]);
-        Self { centre: self.moved(self.centre, seconds), velocity, ..*self }
+        Self { time: self.time + seconds, centre: self.moved(self.centre, seconds), velocity, ..*self }
     }
 
     /// The position after `seconds` of the part of the body that is at a position now.
@@ -106,15 +109,21 @@ pub struct Other<'a> {
     pub plan: &'a Plan,
     /// The places that it does not see.
     pub shadow: &'a Shadow,
-    /// Seconds from the body's sweep to it.
-    pub after: f64,
+    /// When it looks where.
+    pub clock: &'a Clock,
 }
 
 impl Other<'_> {
+    /// Seconds from the time that a motion is about until this sweep sees the body.
+    pub fn after(&self, motion: &PlanarMotion) -> f64 {
+        let about = self.clock.middle() - motion.time;
+        self.clock.at(motion.moved(motion.centre, about)) - motion.time
+    }
+
     /// Mean closeness of points that move, 0 to 1; `None` where most of them would be hidden and are not met.
     fn closeness(&self, points: &[[f64; 2]], motion: &PlanarMotion) -> Option<f64> {
         let (mut sum, mut hidden) = (0.0, 0);
-        let moved = motion.mover(self.after);
+        let moved = motion.mover(self.after(motion));
         for point in points {
             let at = moved(*point);
             let close = self.plan.closeness(at[0], at[1]);
@@ -136,11 +145,16 @@ pub fn score(unsure: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[
     scores.iter().sum::<f64>() / seen.max(1) as f64
 }
 
-/// The best motion of a body with its score, and the score of rest. Others are in the order of their distance in time;
+/// The best motion of a body that is seen at a time, with its score, and the score of rest. Others are in the order of their distance in time;
 /// the share `unsure` of them does not count. `bends`: whether the velocity may change.
-pub fn search(body: &[[f64; 2]], others: &[Other], unsure: f64, bends: bool) -> (PlanarMotion, f64, f64) {
+pub fn search(
+    (time, body): (f64, &[[f64; 2]]),
+    others: &[Other],
+    unsure: f64,
+    bends: bool,
+) -> (PlanarMotion, f64, f64) {
     let points = thinned(body, FINE_POINTS);
-    let rest = PlanarMotion::rest(middle(body));
+    let rest = PlanarMotion::rest(time, middle(body));
     let resting = score(unsure, &points, &rest, others);
     let penalised = |points: &[[f64; 2]], motion: &PlanarMotion, others: &[Other]| {
         score(unsure, points, motion, others) - SPEED_COST * motion.speed()
@@ -182,13 +196,13 @@ fn bent(points: &[[f64; 2]], motion: PlanarMotion, others: &[Other], turns: bool
     if value >= straight + BEND_GAIN { found } else { motion }
 }
 
-fn extent(points: &[[f64; 2]]) -> f64 {
+pub fn extent(points: &[[f64; 2]]) -> f64 {
     let [low, high] = extremes(points.iter().copied());
     (high[0] - low[0]).hypot(high[1] - low[1])
 }
 
 /// At most `most` points, evenly of the list.
-fn thinned(points: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
+pub fn thinned(points: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
     points.iter().step_by(points.len().div_ceil(most).max(1)).copied().collect()
 }
 
@@ -196,7 +210,7 @@ fn thinned(points: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
 fn coarse(points: &[[f64; 2]], rest: &PlanarMotion, near: &[Other], value_of: Value) -> Vec<(PlanarMotion, f64)> {
     // A step moves the points by half the reach in the sweep next in time.
     let Some(next) = near.first() else { return Vec::new() };
-    let step = (0.5 * next.plan.reach() / next.after.abs().max(1e-3)).clamp(SPEED_MAX / SIDE_MAX, SPEED_MAX);
+    let step = (0.5 * next.plan.reach() / next.after(rest).abs().max(1e-3)).clamp(SPEED_MAX / SIDE_MAX, SPEED_MAX);
     let side = (SPEED_MAX / step) as i32;
     let mut scores = Vec::new();
     for row in -side..=side {
@@ -226,11 +240,11 @@ fn coarse(points: &[[f64; 2]], rest: &PlanarMotion, near: &[Other], value_of: Va
 }
 
 /// The value of points and a motion that is to become large.
-type Value<'a> = &'a dyn Fn(&[[f64; 2]], &PlanarMotion) -> f64;
+pub type Value<'a> = &'a dyn Fn(&[[f64; 2]], &PlanarMotion) -> f64;
 
 /// Compass search from a motion: the parameters (velocity, acceleration, turn) change by `steps`, which are halved four
 /// times. A parameter with the step 0 stays.
-fn refine(points: &[[f64; 2]], from: PlanarMotion, steps: [f64; 4], value_of: Value) -> (PlanarMotion, f64) {
+pub fn refine(points: &[[f64; 2]], from: PlanarMotion, steps: [f64; 4], value_of: Value) -> (PlanarMotion, f64) {
     let (mut best, mut value) = (from, value_of(points, &from));
     for halving in 0..4 {
         // A round that gains nothing ends the size; no size needs more rounds than the grid's step has of its steps.
@@ -278,17 +292,19 @@ mod tests {
     fn the_grid_is_bounded_by_the_time_between_sweeps() {
         let points = [[10.0_f32, 0.0, 1.0], [12.0, 1.0, 1.0]];
         let places = [[10.0, 0.0], [12.0, 1.0]];
-        let sweep = AlignedSweep { points: &points, time: 0.0, origin: [0.0; 3] };
         let (extent, ground) = (Extent::of(places.into_iter()), Ground::of(&[&points]));
+        let sweep = AlignedSweep { points: &points, times: &[0.0; 2], origin: [0.0; 3] };
         let shadow = Shadow::new(&RangeImage::new(&sweep, |_| true), extent, &ground);
         let plan = Plan::new(places.into_iter(), extent, 0.4);
         let looked_at = |after: f64| {
-            let (calls, others) = (Cell::new(0_usize), [Other { plan: &plan, shadow: &shadow, after }]);
+            let later = AlignedSweep { times: &[after; 2], ..sweep };
+            let clock = Clock::of(&later);
+            let (calls, others) = (Cell::new(0_usize), [Other { plan: &plan, shadow: &shadow, clock: &clock }]);
             let value = |_: &[[f64; 2]], _: &PlanarMotion| {
                 calls.set(calls.get() + 1);
                 0.0
             };
-            coarse(&places, &PlanarMotion::rest([11.0, 0.5]), &others, &value);
+            coarse(&places, &PlanarMotion::rest(0.0, [11.0, 0.5]), &others, &value);
             calls.get() as f64
         };
         // A disk of radius SPEED_MAX in steps of half the reach over the time between sweeps.

@@ -1,4 +1,4 @@
-//! Places that a sweep does not see: something nearer to the LiDAR hides them.
+//! Places that a sweep does not see: something nearer to the LiDAR hides them, or it does not look there.
 //!
 //! A body that moves into a shadow has no points there, which says nothing against its motion.
 
@@ -29,7 +29,10 @@ impl Shadow {
         let under = ground.near(x, y);
         let hides = |[x, y]: [f64; 2]| {
             let Some(height) = ground.at(x, y).or(under) else { return false };
-            HEIGHTS.iter().all(|above| image.hides(&[x as f32, y as f32, height + above]))
+            HEIGHTS.iter().all(|above| {
+                let point = [x as f32, y as f32, height + above];
+                image.hides(&point) || !image.covers(&point)
+            })
         };
         Self { grid, hidden: grid.middles().map(hides).collect() }
     }
@@ -37,11 +40,5 @@ impl Shadow {
     /// Whether the sweep does not see a place. What is beyond the extent is seen.
     pub fn hides(&self, [x, y]: [f64; 2]) -> bool {
         self.grid.place(x, y).is_some_and(|place| self.hidden[place])
-    }
-
-    /// Whether the sweep does not see most of some places.
-    pub fn hides_most(&self, places: impl Iterator<Item = [f64; 2]>) -> bool {
-        let [all, hidden] = places.fold([0; 2], |[all, hidden], at| [all + 1, hidden + usize::from(self.hides(at))]);
-        2 * hidden > all
     }
 }

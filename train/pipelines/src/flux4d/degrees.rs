@@ -73,7 +73,7 @@ pub fn choose_degrees(
     let mut degrees = Vec::new();
     let mut sweeps = Vec::new();
     for frame in host.frames.targets.iter().filter(|_| !actors.is_empty() && scene.motion.degree() > 0) {
-        let sweep = host.sweep(log, *frame)?;
+        let sweep = host.labelled_sweep(log, *frame)?;
         if !sweep.points.is_empty() {
             let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&sweep.points);
             sweeps.push((scene.in_window(log.frames()[*frame].time), tree));

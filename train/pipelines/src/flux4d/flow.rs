@@ -92,7 +92,7 @@ pub fn of_sweep(
 ) -> Result<Option<FlowOfSweep>> {
     let frame = host.frames.inputs[place];
     let rows: Vec<usize> = (0..host.row_frames.len()).filter(|row| host.row_frames[*row] as usize == place).collect();
-    let sweep = host.sweep(log, frame)?;
+    let sweep = host.labelled_sweep(log, frame)?;
     let Some(labels) = sweep.labels.as_ref().filter(|_| !rows.is_empty()) else { return Ok(None) };
     let flows = flows(host, inferred, log.frames()[frame].time);
     let points = host.near_points();

@@ -44,7 +44,7 @@ pub fn in_truth(truth: &TruthImage, pixel: usize, [width, height]: [usize; 2]) -
 fn of_points(log: &DrivingLog, host: &HostSnippet, view: &HostView) -> Result<Vec<u8>> {
     let (width, height) = (view.image.width, view.image.height);
     let mut mask = vec![0; width * height];
-    let sweep = host.sweep(log, view.frame)?;
+    let sweep = host.labelled_sweep(log, view.frame)?;
     let Some(labels) = &sweep.labels else { return Ok(mask) };
     let posed = Posed::new(log, view);
     for (point, flow) in sweep.points.iter().zip(&labels.flow) {

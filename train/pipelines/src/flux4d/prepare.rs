@@ -82,12 +82,15 @@ impl HostSnippet {
         0.5 * (self.window[0] + self.window[1])
     }
 
-    /// A sweep of the log in the axes of the snippet; see [`sweep`].
+    /// A sweep of the log with its labels, in the axes of the snippet; no points where the frame has none.
     ///
     /// # Errors
     /// When its file is missing or broken.
-    pub fn sweep(&self, log: &DrivingLog, frame: usize) -> Result<Sweep> {
-        sweep(log, frame, &inverse(self.to_world))
+    pub fn labelled_sweep(&self, log: &DrivingLog, frame: usize) -> Result<Sweep> {
+        match log.frames()[frame].has_sweep {
+            true => Ok(turned(log.labelled_sweep(frame)?, &inverse(self.to_world))),
+            false => Ok(Sweep::default()),
+        }
     }
 }
 
@@ -150,22 +153,26 @@ fn to_world(log: &DrivingLog, middle: usize) -> DMat4 {
     DMat4::from_translation(centre) * DMat4::from_rotation_z(yaw)
 }
 
-/// A sweep in the axes of a snippet, its labels too; no points where the frame has none.
+/// A sweep in the axes of a snippet; no points where the frame has none.
 ///
 /// # Errors
 /// When its file is missing or broken.
-pub fn sweep(log: &DrivingLog, frame: usize, from_world: &DMat4) -> Result<Sweep> {
-    if !log.frames()[frame].has_sweep {
-        return Ok(Sweep::default());
+fn sweep(log: &DrivingLog, frame: usize, from_world: &DMat4) -> Result<Sweep> {
+    match log.frames()[frame].has_sweep {
+        true => Ok(turned(log.sweep(frame)?, from_world)),
+        false => Ok(Sweep::default()),
     }
-    let mut sweep = log.sweep(frame)?;
+}
+
+/// A sweep with its labels in other axes.
+fn turned(mut sweep: Sweep, from_world: &DMat4) -> Sweep {
     let wide = |vector: &[f32; 3]| DVec3::from_array(vector.map(f64::from));
     let moved = |point: &[f32; 3]| from_world.transform_point3(wide(point)).as_vec3().to_array();
     sweep.points = sweep.points.par_iter().map(moved).collect();
     for flow in sweep.labels.iter_mut().flat_map(|labels| &mut labels.flow).flatten() {
         *flow = from_world.transform_vector3(wide(flow)).as_vec3().to_array();
     }
-    Ok(sweep)
+    sweep
 }
 
 fn lift_config(config: &LiftSection, seed: u64) -> LiftConfig {

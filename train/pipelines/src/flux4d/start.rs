@@ -1,5 +1,7 @@
 //! The velocities that rows start with: what the sweeps of a snippet themselves show (`lift.velocity = "aligned"`).
 
+use std::collections::BTreeMap;
+
 use glam::DMat4;
 use gs_driving::{DrivingLog, Sweep};
 use gs_models::flux4d::PolynomialMotion;
@@ -35,23 +37,66 @@ impl RowMotion {
     }
 }
 
-/// The motion that the sweeps of some frames show, in the axes that `from_world` leads to.
-pub fn aligned<'a>(
-    log: &DrivingLog,
-    sweeps: impl IntoIterator<Item = (usize, &'a Sweep)>,
-    from_world: &DMat4,
-) -> Aligned {
-    let input = |(frame, sweep): (usize, &'a Sweep)| AlignedSweep {
-        points: &sweep.points,
-        time: log.frames()[frame].time,
-        origin: from_world.transform_point3(log.lidar_position(frame)).to_array(),
-    };
-    align(&sweeps.into_iter().map(input).collect::<Vec<_>>())
+/// The motions of the points of some sweeps.
+pub struct SweepMotions {
+    /// Of parts: a part is what one LiDAR saw in one sweep.
+    aligned: Aligned,
+    /// The part of each point of each sweep, and its place there.
+    places: Vec<Vec<(usize, usize)>>,
+}
+
+impl SweepMotions {
+    /// The motions that the sweeps of some frames show, in the axes that `from_world` leads to.
+    pub fn of<'a>(log: &DrivingLog, sweeps: impl IntoIterator<Item = (usize, &'a Sweep)>, from_world: &DMat4) -> Self {
+        let (mut parts, mut places): (Vec<Part>, Vec<Vec<(usize, usize)>>) = (Vec::new(), Vec::new());
+        for (frame, sweep) in sweeps {
+            let mut of_sensor = BTreeMap::new();
+            let mut part_of = |sensor: u8| {
+                *of_sensor.entry(sensor).or_insert_with(|| {
+                    let origin = from_world.transform_point3(log.lidar_position(frame, sensor)).to_array();
+                    parts.push(Part { points: Vec::new(), times: Vec::new(), origin });
+                    parts.len() - 1
+                })
+            };
+            let numbers: Vec<usize> = sweep.sensor.iter().map(|sensor| part_of(*sensor)).collect();
+            let mut add = |(index, number): (usize, &usize)| {
+                let part = &mut parts[*number];
+                part.points.push(sweep.points[index]);
+                part.times.push(sweep.times[index]);
+                (*number, part.points.len() - 1)
+            };
+            places.push(numbers.iter().enumerate().map(&mut add).collect());
+        }
+        let swept: Vec<AlignedSweep> = parts
+            .iter()
+            .map(|part| AlignedSweep { points: &part.points, times: &part.times, origin: part.origin })
+            .collect();
+        Self { aligned: align(&swept), places }
+    }
+
+    /// Whether a point of a sweep moves.
+    pub fn moves(&self, sweep: usize, point: usize) -> bool {
+        let (part, index) = self.places[sweep][point];
+        self.aligned.of_point[part][index].is_some()
+    }
+
+    /// Velocity and acceleration of a point of a sweep, metres and seconds; zero at rest.
+    pub fn at(&self, sweep: usize, point: usize, position: [f32; 3]) -> ([f64; 2], [f64; 2]) {
+        let (part, index) = self.places[sweep][point];
+        self.aligned.motion(part, index, position)
+    }
+}
+
+/// What one LiDAR saw in one sweep.
+struct Part {
+    points: Vec<[f32; 3]>,
+    times: Vec<f64>,
+    origin: [f64; 3],
 }
 
 /// The motions of all points of a snippet.
 pub struct Motions {
-    aligned: Aligned,
+    found: SweepMotions,
     /// Seconds.
     window: f64,
 }
@@ -66,18 +111,17 @@ impl Motions {
         [begin, end]: [f64; 2],
     ) -> Self {
         let _stage = gs_burn::profile::stage("alignment");
-        let aligned = aligned(log, frames.iter().copied().zip(sweeps), from_world);
-        Self { aligned, window: end - begin }
+        Self { found: SweepMotions::of(log, frames.iter().copied().zip(sweeps), from_world), window: end - begin }
     }
 
     /// Whether a point of a sweep moves.
     pub fn moves(&self, sweep: usize, point: usize) -> bool {
-        self.aligned.of_point[sweep][point].is_some()
+        self.found.moves(sweep, point)
     }
 
     /// The motion of a point at a position.
     pub fn of_point(&self, sweep: usize, point: usize, position: [f32; 3]) -> RowMotion {
-        let (velocity, acceleration) = self.aligned.motion(sweep, point, position);
+        let (velocity, acceleration) = self.found.at(sweep, point, position);
         RowMotion {
             velocity: velocity.map(|v| (v * self.window) as f32),
             acceleration: acceleration.map(|a| (a * self.window * self.window) as f32),

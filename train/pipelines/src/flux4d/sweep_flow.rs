@@ -14,7 +14,7 @@ use gs_models::flux4d::fast_nsf::{FastNsfConfig, fit_flow};
 use serde::Serialize;
 
 use super::flow::{FlowOfSweep, FlowScores};
-use super::start::aligned;
+use super::start::SweepMotions;
 use gs_train::fit::figure::{Figure, FigureTable};
 use gs_train::run::interrupt;
 use gs_train::run::outputs::{MARK, write_json};
@@ -85,7 +85,7 @@ pub fn sweep_flow(request: &SweepFlow) -> Result<Vec<String>> {
         if interrupt::asked() {
             bail!("interrupted; {sweeps} of {compared} sweeps are done");
         }
-        let loaded = frames[window].iter().map(|frame| Ok((*frame, log.sweep(*frame)?)));
+        let loaded = frames[window].iter().map(|frame| Ok((*frame, log.labelled_sweep(*frame)?)));
         let loaded = loaded.collect::<Result<Vec<_>>>()?;
         let begun = Instant::now();
         let found = match request.fit {
@@ -158,10 +158,10 @@ fn windows(times: &[f64], length: usize) -> Vec<(Range<usize>, usize)> {
 }
 
 fn by_bodies(log: &DrivingLog, loaded: Vec<(usize, Sweep)>) -> Vec<Found> {
-    let motions = aligned(log, loaded.iter().map(|(frame, sweep)| (*frame, sweep)), &DMat4::IDENTITY);
+    let motions = SweepMotions::of(log, loaded.iter().map(|(frame, sweep)| (*frame, sweep)), &DMat4::IDENTITY);
     let flow_of = |place: usize, sweep: &Sweep| {
         let of_point = |(point, at): (usize, &[f32; 3])| {
-            let (velocity, acceleration) = motions.motion(place, point, *at);
+            let (velocity, acceleration) = motions.at(place, point, *at);
             let along = |axis: usize| {
                 (velocity[axis] * FLOW_INTERVAL + 0.5 * acceleration[axis] * FLOW_INTERVAL * FLOW_INTERVAL) as f32
             };

@@ -29,7 +29,7 @@ fn said(path: &Path) -> String {
         Ok(log) => log,
         Err(error) => return error.to_string(),
     };
-    let sweep = log.sweep(0).err().map(|error| error.to_string());
+    let sweep = log.labelled_sweep(0).err().map(|error| error.to_string());
     let image = (!log.cameras().is_empty()).then(|| log.image(0, 0).err()).flatten().map(|error| error.to_string());
     sweep.into_iter().chain(image).chain(log.warnings().iter().cloned()).collect::<Vec<_>>().join("\n")
 }
@@ -51,7 +51,7 @@ fn missing_components() {
         let folder = segment();
         fs::remove_dir_all(folder.path().join(component)).expect("removed");
         let log = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened");
-        let sweep = log.sweep(0).expect("a sweep");
+        let sweep = log.labelled_sweep(0).expect("a sweep");
         let has_cameras = !log.cameras().is_empty();
         assert_eq!((has_cameras, sweep.labels.is_some()), (component == "lidar_box", component == "camera_image"));
     }
@@ -161,7 +161,8 @@ fn ranges_without_meaning() {
         (0..FRAMES).flat_map(|frame| lasers().map(|laser| range_image(&laser, frame))).collect();
     (images[0][0], images[0][4], images[0][8]) = (f32::NAN, f32::INFINITY, 1e9);
     let folder = changed("lidar", "return1.values", lists::<FloatType>(images));
-    let sweep = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened").sweep(0).expect("a sweep");
+    let sweep =
+        DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened").labelled_sweep(0).expect("a sweep");
     assert_eq!(sweep.left_out, 3);
     let folder = changed("lidar_pose", "frame_timestamp_micros", flat::<Int64Type>(0..FRAMES as i64));
     let said = said(folder.path());

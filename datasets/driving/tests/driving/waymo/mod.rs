@@ -68,7 +68,7 @@ fn assert_scene(log: &DrivingLog) {
 }
 
 fn assert_points(log: &DrivingLog, frame: usize) {
-    let sweep = log.sweep(frame).expect("a sweep");
+    let sweep = log.labelled_sweep(frame).expect("a sweep");
     let lasers = lasers();
     let expected: Vec<(usize, Hit)> =
         lasers.iter().enumerate().flat_map(|(i, l)| hits(l, frame).into_iter().map(move |hit| (i, hit))).collect();
@@ -140,7 +140,7 @@ fn the_first_column_looks_back_and_to_the_left() {
 fn second_returns_follow_the_first() {
     for (_folder, path) in segments() {
         let (first, second) = (open(&path), open(&path).with_second_returns());
-        let (few, all) = (first.sweep(1).expect("a sweep"), second.sweep(1).expect("a sweep"));
+        let (few, all) = (first.labelled_sweep(1).expect("a sweep"), second.labelled_sweep(1).expect("a sweep"));
         assert_eq!(all.len(), few.len() + 2, "one of each laser");
         for (index, laser) in lasers().iter().enumerate() {
             let hit = &hits(laser, 1)[0];
@@ -216,7 +216,7 @@ fn distortion_is_removed() {
 fn points_have_the_colour_of_their_direction() {
     let (_folder, path) = segments().remove(0);
     let log = open(&path);
-    let sweep = log.sweep(1).expect("a sweep");
+    let sweep = log.labelled_sweep(1).expect("a sweep");
     let mut seen = 0;
     for (point, color) in sweep.points.iter().zip(colors(&log, 1, &sweep).expect("colours")) {
         let Some(color) = color else { continue };
@@ -242,7 +242,7 @@ fn files_of_another_writer() {
     let log = open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/waymo"));
     assert_eq!((log.frames().len(), log.cameras().len()), (FRAMES, 2));
     for frame in 0..FRAMES {
-        let sweep = log.sweep(frame).expect("a sweep");
+        let sweep = log.labelled_sweep(frame).expect("a sweep");
         let expected: Vec<Hit> = lasers().iter().flat_map(|laser| hits(laser, frame)).collect();
         assert_eq!(sweep.len(), expected.len());
         for (point, hit) in sweep.points.iter().zip(&expected) {
