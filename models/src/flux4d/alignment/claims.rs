@@ -14,7 +14,7 @@ use super::tracks::Track;
 /// under a car is within 0.2 m of the ground around it.
 const OWN_HEIGHTS: [f32; 2] = [0.15, 4.5];
 /// Room around a body's evident points in which points belong to it, metres.
-pub const MARGIN: f64 = 0.35;
+const MARGIN: f64 = 0.35;
 /// Room in which points belong to it that move rather than rest, along and across its motion, metres: what is evident
 /// of a car may be its back alone.
 const AROUND: [f64; 2] = [3.0, 1.5];

@@ -320,8 +320,8 @@ fn lidars_of_different_times_agree() {
     assert!(error < 0.2 && (wrong > 3.0 * error || count == 0), "{error} and {wrong} m/s");
 }
 
-/// A car of 2 m/s whose side faces the LiDAR fits rest as well in most sweeps, but in all of them together it moves,
-/// with three fifths of its points or more: what lies more than the margin before its evident points fits rest. The parked cars beside it rest.
+/// A car of 2 m/s whose side faces the LiDAR: its ends alone are evident, and its side fits rest. Nine tenths of its
+/// points move in every sweep, as the ends do, and the parked cars beside it rest.
 #[test]
 fn a_slow_car_moves_in_every_sweep() {
     let size = [4.5, 1.8, 1.5];
@@ -336,7 +336,7 @@ fn a_slow_car_moves_in_every_sweep() {
         let is_own = |i: &usize| shot.on[*i] == Some(0) && shot.points[*i][2] > 0.35;
         let own: Vec<usize> = (0..shot.points.len()).filter(is_own).collect();
         let found = own.iter().filter(|i| aligned.of_point[sweep][**i].is_some()).count();
-        assert!(5 * found >= 3 * own.len(), "sweep {sweep}: {found} of {}", own.len());
+        assert!(10 * found >= 9 * own.len(), "sweep {sweep}: {found} of {}", own.len());
     }
     let (error, _) = speed_error(&shots, &aligned, 2.0);
     assert!(error < 0.2, "{error} m/s");

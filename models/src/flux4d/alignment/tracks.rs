@@ -6,7 +6,6 @@
 
 use super::bodies::{Snippet, UNITE_GAP, UNITE_LOSS};
 use super::candidate::{Candidate, SCORE_MIN, confirms};
-use super::claims::MARGIN;
 use super::evidence::places;
 use super::footprint::Footprint;
 use super::groups::middle;
@@ -29,7 +28,10 @@ const REST_SHARE: f32 = 0.6;
 const REST_SWEEPS: f32 = 1.5;
 /// Room around the evident points of a body in which it may be, metres along and across: its back alone may be evident.
 const ELSEWHERE: [f64; 2] = [1.0, 0.35];
-/// Score that a body on the ground of another may lose by the other's motion, if it is a part of it.
+/// Room along and across the motion of a body in which its other end may be, metres: of a car that passes, both ends
+/// are evident and the side between them fits rest.
+const ENDS: [f64; 2] = [5.0, 0.35];
+/// Score that a body in line with another may lose by the other's motion, if it is a part of it.
 const INSIDE_LOSS: f64 = 0.3;
 /// Steps of the search for the motion in all sweeps together: metres and seconds, radians a second.
 const STEPS: [f64; 4] = [0.25, 0.25, 0.5, 0.1];
@@ -248,20 +250,20 @@ impl Snippet<'_> {
     }
 
     /// Whether a body is a part of another, whose motion explains it nearly as well as its own does; with more loss if
-    /// most of it is on the other's ground. The side of a car that is seen without its ends fits any speed along itself.
+    /// most of it is in line with the other. The side of a car that is seen without its ends fits any speed along itself.
     fn is_part(&self, track: &Track, body: &Track) -> bool {
         let footprints = body.footprints(self);
-        let within = |room: f64| {
+        let within = |room: [f64; 2]| {
             let of_member = |(sweep, points): &Member| {
-                points.iter().filter(|point| footprints[*sweep].contains(**point, [room; 2])).count()
+                points.iter().filter(|point| footprints[*sweep].contains(**point, room)).count()
             };
             track.members.iter().map(of_member).sum::<usize>()
         };
-        if within(UNITE_GAP) == 0 {
+        if within([UNITE_GAP; 2]) + within(ENDS) == 0 {
             return false;
         }
         let score = self.value(&track.members, &body.motion);
-        let loss = if 2 * within(MARGIN) > track.len() { INSIDE_LOSS } else { UNITE_LOSS };
+        let loss = if 2 * within(ENDS) > track.len() { INSIDE_LOSS } else { UNITE_LOSS };
         score >= SCORE_MIN.max(self.value(&track.members, &track.motion) - loss)
     }
 
