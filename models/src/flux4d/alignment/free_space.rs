@@ -48,11 +48,11 @@ impl RangeImage {
 
     fn place(&self, point: &[f32; 3]) -> ([usize; 2], f64) {
         let [x, y, z] = [0, 1, 2].map(|axis| f64::from(point[axis]) - self.origin[axis]);
-        let across = x.hypot(y);
+        let across = (x * x + y * y).sqrt();
         let (azimuth, elevation) = (y.atan2(x) + PI, z.atan2(across) + 0.5 * PI);
         let column = ((azimuth / TAU * COLUMNS as f64) as usize).min(COLUMNS - 1);
         let row = ((elevation / PI * ROWS as f64) as usize).min(ROWS - 1);
-        ([row, column], across.hypot(z))
+        ([row, column], (across * across + z * z).sqrt())
     }
 
     /// Whether rays passed through the place of a point: in its direction and those next to it nothing above the ground

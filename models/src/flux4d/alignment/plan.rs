@@ -127,9 +127,9 @@ fn lines(points: &[[f64; 2]]) -> Vec<[[f64; 2]; 2]> {
         let mut nearest: [(f64, Option<usize>); DIRECTIONS] = [(LINE_MAX, None); DIRECTIONS];
         for index in around(cell(from, LINE_MAX), 1).filter_map(|cell| cells.get(&cell)).flatten() {
             let [dx, dy] = [0, 1].map(|axis| points[*index][axis] - from[axis]);
-            let distance = dx.hypot(dy);
-            let turn = (dy.atan2(dx) / std::f64::consts::TAU).rem_euclid(1.0);
-            let slot = &mut nearest[((turn * DIRECTIONS as f64) as usize).min(DIRECTIONS - 1)];
+            let distance = (dx * dx + dy * dy).sqrt();
+            let octant = 4 * usize::from(dx < 0.0) + 2 * usize::from(dy < 0.0) + usize::from(dx.abs() < dy.abs());
+            let slot = &mut nearest[octant];
             if distance > 0.0 && distance < slot.0 {
                 *slot = (distance, Some(*index));
             }

@@ -56,7 +56,8 @@ impl PlanarMotion {
 
     /// Metres per second.
     pub fn speed(&self) -> f64 {
-        self.velocity[0].hypot(self.velocity[1])
+        let [x, y] = self.velocity;
+        (x * x + y * y).sqrt()
     }
 
     /// Velocity and acceleration of the body at a position, metres and seconds.
