@@ -3,13 +3,13 @@
 use rayon::prelude::*;
 
 use super::aligned::Aligned;
-use super::bodies::{Before, COARSE, FINE, Seen, Snippet};
 use super::clock::Clock;
 use super::evidence::{evident, heights, images, places, standing};
 use super::ground::Ground;
 use super::plan::Extent;
 use super::search::PlanarMotion;
 use super::shadow::Shadow;
+use super::sweeps::{Before, COARSE, FINE, Seen, Snippet};
 use super::{AlignedSweep, in_plan};
 
 /// Closeness at rest from which on a point is of no body of the coarse scale.

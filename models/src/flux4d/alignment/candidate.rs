@@ -7,6 +7,10 @@ use super::search::PlanarMotion;
 /// A motion is believed whose score reaches the first and exceeds that of rest by the second.
 pub const SCORE_MIN: f64 = 0.45;
 const SCORE_GAIN: f64 = 0.2;
+/// Bodies with a gap of at most the first (metres: the beams of a LiDAR graze the side of a car 1 m apart at 20 m) are
+/// one body where that costs at most the second of the score.
+pub const UNITE_GAP: f64 = 3.0;
+pub const UNITE_LOSS: f64 = 0.1;
 /// Difference of velocities, metres per second and as a share, up to which a body of another sweep confirms one.
 const CONFIRM: [f64; 2] = [1.0, 0.15];
 /// Distance between the rectangle around a body's moved points and the points of the one that confirms it, metres: of

@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::aligned::Aligned;
-use super::bodies::Snippet;
 use super::candidate::is_motion;
 use super::footprint::Footprint;
 use super::in_plan;
 use super::search::PlanarMotion;
+use super::sweeps::Snippet;
 use super::tracks::Track;
 
 /// Heights of the points that belong to a body once it is found: from its wheels to the roof of a lorry. The road

@@ -1,4 +1,4 @@
-//! When a sweep looks in a direction: a LiDAR that turns sees what is before it and what is behind it half a turn apart.
+//! When a sweep looks in a direction: a LiDAR that turns sees what is before it and what is behind it at two times.
 
 use std::f64::consts::{PI, TAU};
 

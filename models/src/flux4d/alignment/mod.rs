@@ -33,6 +33,7 @@ mod groups;
 mod plan;
 mod search;
 mod shadow;
+mod sweeps;
 #[cfg(test)]
 mod tests;
 mod tracks;

@@ -146,8 +146,8 @@ pub fn score(unsure: f64, points: &[[f64; 2]], motion: &PlanarMotion, others: &[
     scores.iter().sum::<f64>() / seen.max(1) as f64
 }
 
-/// The best motion of a body that is seen at a time, with its score, and the score of rest. Others are in the order of their distance in time;
-/// the share `unsure` of them does not count. `bends`: whether the velocity may change.
+/// The best motion of a body that is seen at a time, with its score, and the score of rest. Others are in the order of
+/// their distance in time; the share `unsure` of them does not count. `bends`: whether the velocity may change.
 pub fn search(
     (time, body): (f64, &[[f64; 2]]),
     others: &[Other],

@@ -4,13 +4,13 @@
 //! the first sweeps alone. The side of a slow car explains rest as well as motion in most sweeps. Both are carried from
 //! the sweeps in which they are evident to all others.
 
-use super::bodies::{Snippet, UNITE_GAP, UNITE_LOSS};
-use super::candidate::{Candidate, SCORE_MIN, confirms};
+use super::candidate::{Candidate, SCORE_MIN, UNITE_GAP, UNITE_LOSS, confirms};
 use super::evidence::places;
 use super::footprint::Footprint;
 use super::groups::middle;
 use super::plan::{Extent, Plan};
 use super::search::{PlanarMotion, refine, thinned};
+use super::sweeps::Snippet;
 
 /// Points of a body in a sweep by which its motion is judged.
 const POINTS: usize = 64;
@@ -250,7 +250,8 @@ impl Snippet<'_> {
     }
 
     /// Whether a body is a part of another, whose motion explains it nearly as well as its own does; with more loss if
-    /// most of it is in line with the other. The side of a car that is seen without its ends fits any speed along itself.
+    /// most of it is in line with the other. The side of a car that is seen without its ends fits any speed along
+    /// itself.
     fn is_part(&self, track: &Track, body: &Track) -> bool {
         let footprints = body.footprints(self);
         let within = |room: [f64; 2]| {

@@ -49,10 +49,6 @@ pub const QUICK: &[Miss] = &[
     miss("seeds", "standard deviation of PSNR over the image", "at most 0.3", 0.9),
     // 7.4 dB, as in the full version.
     miss("beams", "PSNR lost with an eighth of the beams", "at most 2.4", 8.0),
-    // 2 mm, of one street.
-    miss("degree", "moving EPE that degree 1 gains", "at least 0", -0.003),
-    // 0.13 m, of one street.
-    miss("occlusion", "EPE3D of the car that the bus adds", "at most 0.09", 0.15),
     // 8.8 dB: a far pixel has few points.
     miss("bins", "PSNR lost beyond 40 m", "at most 6", 9.5),
 ];

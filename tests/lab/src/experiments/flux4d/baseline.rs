@@ -7,8 +7,6 @@ use anyhow::Result;
 use gs_driving::{FLOW_INTERVAL, INTERPOLATION_FRAMES, Snippet};
 use gs_models::flux4d::fast_nsf::{FastNsfConfig, fit_flow};
 use gs_pipelines::flux4d::flow::{FlowOfSweep, FlowScores, of_sweep};
-use gs_pipelines::flux4d::host_view::inverse;
-use gs_pipelines::flux4d::prepare::sweep;
 use gs_pipelines::flux4d::saved::SavedNetwork;
 use gs_pipelines::flux4d::sweep_flow::FIT_POINTS;
 
@@ -85,12 +83,11 @@ fn compare<'a>(
     ours.seconds += seconds;
     ours.sweeps += snippet.inputs.len();
     let mut pairs = Vec::new();
-    let from_world = inverse(host.to_world);
     for (place, pair) in snippet.inputs.windows(2).enumerate() {
         let Some(flow) = of_sweep(&log, &host, &inferred, place)? else { continue };
         ours.scores.add(&flow)?;
         let seconds = log.frames()[pair[1]].time - log.frames()[pair[0]].time;
-        pairs.push((flow, sweep(&log, pair[1], &from_world)?.points, seconds));
+        pairs.push((flow, host.labelled_sweep(&log, pair[1])?.points, seconds));
     }
     for (iterations, fit) in fits {
         let config = FastNsfConfig { iterations: *iterations, points: Some(FIT_POINTS), ..FastNsfConfig::default() };
