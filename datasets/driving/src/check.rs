@@ -162,7 +162,7 @@ fn describe_rig(log: &DrivingLog, report: &mut DrivingReport) {
 fn describe_sweeps(log: &DrivingLog, report: &mut DrivingReport) {
     let with: Vec<usize> = (0..log.frames().len()).filter(|frame| log.frames()[*frame].has_sweep).collect();
     let notes: Vec<Result<SweepNote, DatasetError>> =
-        with.par_iter().map(|frame| log.labelled_sweep(*frame).map(|sweep| note(log, *frame, &sweep))).collect();
+        with.par_iter().map(|frame| note(log, *frame, &log.sweep(*frame)?)).collect();
     let (mut good, mut broken) = (Vec::new(), Vec::new());
     for note in notes {
         match note {
@@ -221,7 +221,7 @@ fn describe_sweeps(log: &DrivingLog, report: &mut DrivingReport) {
     }
 }
 
-fn note(log: &DrivingLog, frame: usize, sweep: &Sweep) -> SweepNote {
+fn note(log: &DrivingLog, frame: usize, sweep: &Sweep) -> Result<SweepNote, DatasetError> {
     let views: Vec<_> = (0..log.cameras().len())
         .filter(|camera| log.view_index(frame, *camera).is_some())
         .filter_map(|camera| Some((&log.cameras()[camera], log.camera_pose(frame, camera)?.inverse())))
@@ -229,15 +229,18 @@ fn note(log: &DrivingLog, frame: usize, sweep: &Sweep) -> SweepNote {
     let is_seen = |point: &&[f32; 3]| views.iter().any(|(camera, w2c)| project(camera, w2c, **point).is_some());
     let seen = sweep.points.iter().filter(is_seen).count() as f64 / sweep.len().max(1) as f64;
     let time = log.frames()[frame].time;
-    SweepNote {
+    let mut tracks: Vec<String> = log.cuboids(frame)?.into_iter().map(|cuboid| cuboid.track).collect();
+    tracks.sort_unstable();
+    tracks.dedup();
+    Ok(SweepNote {
         points: sweep.len(),
         left_out: sweep.left_out,
         seen: (!views.is_empty()).then_some(seen),
         by_sensor: [true, false].map(|first| sweep.sensor.iter().filter(|sensor| (**sensor == 0) == first).count()),
         span: range(sweep.times.iter().map(|t| t - time)),
         skew: skew(sweep, log.lidar_position(frame, 0)),
-        objects: sweep.labels.as_ref().map(|labels| labels.tracks.len()),
-    }
+        objects: (!tracks.is_empty()).then_some(tracks.len()),
+    })
 }
 
 /// How much later the other LiDARs see a direction than the first, seconds: the median over their points.

@@ -40,7 +40,7 @@ impl LogFormat {
     fn lidars(self) -> &'static [[f64; 3]] {
         match self {
             Self::PandaSet => &[[0.0, 0.8, 1.85], [0.0, 1.41, 1.55]],
-            Self::Argoverse => &[[1.35, 0.0, 1.64]],
+            Self::Argoverse => &[[1.35, 0.0, 1.64]; 2],
             Self::Waymo => {
                 &[[1.43, 0.0, 2.18], [4.07, 0.0, 0.69], [3.25, 1.03, 0.98], [3.25, -1.03, 0.98], [-1.15, 0.0, 0.47]]
             }
@@ -208,8 +208,13 @@ impl DrivingLog {
         &self.description.frames
     }
 
-    /// Where a LiDAR, as numbered in [`Sweep::sensor`], is at a frame, metres, centred world. One whose place is not
-    /// known is beside the first.
+    /// LiDARs of the data set's vehicles.
+    pub fn lidars(&self) -> usize {
+        self.format.lidars().len()
+    }
+
+    /// Where a LiDAR, as numbered in [`Sweep::sensor`], is at a frame, metres, centred world. One of another number is
+    /// at the place of the first.
     ///
     /// # Panics
     /// When there is no such frame.

@@ -41,8 +41,7 @@ pub(crate) fn labelled(log: &Path, frame: &Frame, next: Option<&Frame>) -> Resul
     let mut sweep = read(log, frame)?;
     let this = cuboids(log, frame)?;
     if !this.is_empty() {
-        let boxed = |next| Ok(Boxed { boxes: cuboids(log, next)?, sweep: read(log, next)? });
-        let later = || next.filter(|next| next.has_sweep).map(boxed).transpose();
+        let later = || next.map(|next| cuboids(log, next).map(Boxed::at_frame_time)).transpose();
         sweep.labels = Some(boxes::labels(&sweep, &this, next.map(|next| next.time - frame.time), later)?);
     }
     Ok(sweep)

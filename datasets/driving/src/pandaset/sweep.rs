@@ -72,9 +72,10 @@ pub(crate) fn labelled(
     }
     if let Some(boxes) = cuboids::read(sequence, &frame.name, origin)? {
         let later = || {
-            let Some(next) = next.filter(|next| next.has_sweep) else { return Ok(None) };
+            let Some(next) = next else { return Ok(None) };
             let Some(boxes) = cuboids::read(sequence, &next.name, origin)? else { return Ok(None) };
-            Ok(Some(Boxed { boxes, sweep: read(sequence, next, origin)? }))
+            let sweep = if next.has_sweep { read(sequence, next, origin)? } else { Sweep::default() };
+            Ok(Some(Boxed { boxes, sweep }))
         };
         sweep.labels = Some(boxes::labels(&sweep, &boxes, next.map(|next| next.time - frame.time), later)?);
     }

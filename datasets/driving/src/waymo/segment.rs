@@ -170,10 +170,7 @@ impl Segment {
             let next = self.parts.frames.get(frame + 1);
             // Seconds since 1970 would leave six digits of the difference.
             let interval = next.map(|next| seconds(next.stamp.saturating_sub(this.stamp)));
-            let later = || {
-                let (boxes, sweep) = (self.cuboids(frame + 1, origin)?, self.sweep(frame + 1, origin)?);
-                Ok(Some(Boxed { boxes, sweep }))
-            };
+            let later = || self.cuboids(frame + 1, origin).map(|boxes| Some(Boxed::at_frame_time(boxes)));
             let mut labels = boxes::labels(&sweep, &boxes, interval, later)?;
             // Nobody has looked for objects there.
             for (index, _) in unlabelled.iter().enumerate().filter(|(_, unlabelled)| **unlabelled) {

@@ -55,15 +55,21 @@ impl Snippet<'_> {
 
     /// Gives the points near each body to it, in every sweep.
     pub fn claimed(&self, tracks: Vec<Track>) -> Aligned {
-        let (bodies, of_point) = (0..self.seen.sweeps.len()).map(|sweep| self.claimed_in(sweep, &tracks)).unzip();
+        let boxes: Vec<Vec<Footprint>> = tracks.iter().map(|track| track.footprints(self)).collect();
+        let of_sweep = |sweep| self.claimed_in(sweep, &tracks, &boxes);
+        let (bodies, of_point) = (0..self.seen.sweeps.len()).map(of_sweep).unzip();
         Aligned { bodies, of_point }
     }
 
     /// The motions of the bodies at the time of a sweep, and the body of each of its points.
-    fn claimed_in(&self, sweep: usize, tracks: &[Track]) -> (Vec<PlanarMotion>, Vec<Option<u32>>) {
+    fn claimed_in(
+        &self,
+        sweep: usize,
+        tracks: &[Track],
+        boxes: &[Vec<Footprint>],
+    ) -> (Vec<PlanarMotion>, Vec<Option<u32>>) {
         let seen = self.seen;
         let motions: Vec<PlanarMotion> = tracks.iter().map(|track| track.at(self, sweep)).collect();
-        let boxes: Vec<Vec<Footprint>> = tracks.iter().map(|track| track.footprints(self)).collect();
         let others = self.others(sweep);
         let whole = self.before.as_ref().map_or(self, |before| before.snippet);
         let resting = whole.others(sweep);

@@ -13,7 +13,8 @@ const BODY_HEIGHTS: [f32; 2] = [0.3, 3.0];
 /// Points nearer to the LiDAR than this, metres from above, may be on the ego vehicle: no evidence of a body, but
 /// points of one that is found by others, as a car in the next lane.
 const EGO_RADIUS: f64 = 3.0;
-/// Points beyond this, metres, do not move: a car has fewer of them there than a body needs.
+/// Points beyond this, metres, do not move: few things have enough of them there, and the plans of all sweeps grow with
+/// its square.
 const RANGE: f64 = 150.0;
 /// Sweeps whose rays pass through a place before it is evident that something moved there; one where no more others see
 /// it than the second.

@@ -19,7 +19,7 @@ const CARRY_LOSS: f64 = 0.1;
 /// Least gain of closeness by a motion, in the mean over points and sweeps: a car of 2 m/s has 0.13 in half a second.
 const GAIN_MIN: f64 = 0.06;
 /// Share of the differences of closeness that must be for the motion: of what rests, the changing visible part and the
-/// noise of beams are for a motion and against it alike. Two sweeps agree more easily by chance.
+/// noise of beams are for a motion and against it alike. Two sweeps, of one LiDAR or of two, agree more easily by chance.
 const SURE: f64 = 0.8;
 const SURE_OF_TWO: f64 = 0.95;
 /// A place is a surface at rest that is seen, while a body is elsewhere, in this share of the sweeps, or in as many
@@ -37,23 +37,26 @@ const INSIDE_LOSS: f64 = 0.3;
 const STEPS: [f64; 4] = [0.25, 0.25, 0.5, 0.1];
 
 /// The points of a body in a sweep.
-type Member = (usize, Vec<[f64; 2]>);
+struct Member {
+    sweep: usize,
+    points: Vec<[f64; 2]>,
+    /// Whether they are evident by themselves, or carried there by the motion.
+    evident: bool,
+}
 
 /// A body over all sweeps.
 pub struct Track {
     /// About any time.
     motion: PlanarMotion,
-    /// The sweeps that show it, with its points there.
+    /// One for each sweep that shows it. Its extent is that of its evident points, so that it does not grow into its
+    /// surroundings from sweep to sweep.
     members: Vec<Member>,
-    /// The sweeps in which it is evident by itself. Its extent is that of its points there, so that it does not grow
-    /// into its surroundings from sweep to sweep.
-    evident: Vec<usize>,
 }
 
 impl Track {
     /// Of a body that one sweep shows.
     pub fn of(motion: PlanarMotion, sweep: usize, points: Vec<[f64; 2]>) -> Self {
-        Self { motion, members: vec![(sweep, points)], evident: vec![sweep] }
+        Self { motion, members: vec![Member { sweep, points, evident: true }] }
     }
 
     /// The motion about the time at which a sweep sees the body.
@@ -70,45 +73,50 @@ impl Track {
     /// Where its evident points are when a sweep sees it.
     fn points(&self, snippet: &Snippet, sweep: usize) -> Vec<[f64; 2]> {
         let to = self.at(snippet, sweep).time;
-        let moved = |(member, points): &Member| {
-            let motion = self.at(snippet, *member);
-            points.iter().map(|point| motion.moved(*point, to - motion.time)).collect::<Vec<_>>()
+        let moved = |member: &Member| {
+            let motion = self.at(snippet, member.sweep);
+            member.points.iter().map(|point| motion.moved(*point, to - motion.time)).collect::<Vec<_>>()
         };
-        self.members.iter().filter(|(member, _)| self.evident.contains(member)).flat_map(moved).collect()
+        self.members.iter().filter(|member| member.evident).flat_map(moved).collect()
     }
 
-    /// Adds points of a sweep; `evident` by themselves, or carried there.
-    fn add(&mut self, sweep: usize, points: Vec<[f64; 2]>, evident: bool) {
-        if points.is_empty() {
-            return;
-        }
-        self.evident.extend(evident.then_some(sweep));
-        match self.members.iter_mut().find(|(member, _)| *member == sweep) {
-            Some((_, own)) => own.extend(points),
-            None => self.members.push((sweep, points)),
+    /// Adds points of a sweep. Evident ones replace those that were carried there, which say no more.
+    fn add(&mut self, new: Member) {
+        match self.members.iter_mut().find(|member| member.sweep == new.sweep) {
+            _ if new.points.is_empty() => {}
+            None => self.members.push(new),
+            Some(member) if member.evident == new.evident => member.points.extend(new.points),
+            Some(member) if new.evident => *member = new,
+            Some(_) => {}
         }
     }
 
     fn len(&self) -> usize {
-        self.members.iter().map(|(_, points)| points.len()).sum()
+        self.members.iter().map(|member| member.points.len()).sum()
     }
 }
 
-/// Candidates that are no part of a body yet, and the ground of the bodies so far.
+/// Candidates, whether each is no part of a body yet, and the ground of the bodies so far.
 struct Left {
-    candidates: Vec<Option<Candidate>>,
+    candidates: Vec<Candidate>,
+    free: Vec<bool>,
     taken: Vec<Vec<Footprint>>,
 }
 
 impl Snippet<'_> {
     /// The bodies of all sweeps, those with the most points first.
-    pub fn tracks(&self, found: Vec<Candidate>) -> Vec<Track> {
-        let mut candidates: Vec<Option<Candidate>> = found.into_iter().map(Some).collect();
-        candidates.sort_by_key(|body| std::cmp::Reverse(body.as_ref().map_or(0, |body| body.evident.len())));
-        let (mut left, mut tracks) = (Left { candidates, taken: Vec::new() }, Vec::new());
+    pub fn tracks(&self, mut candidates: Vec<Candidate>) -> Vec<Track> {
+        candidates.sort_by_key(|body| std::cmp::Reverse(body.evident.len()));
+        let mut left = Left { free: vec![true; candidates.len()], candidates, taken: Vec::new() };
+        let mut tracks = Vec::new();
         for next in 0..left.candidates.len() {
-            let Some(first) = left.candidates[next].take() else { continue };
-            let mut track = Track::of(first.motion, first.sweep, first.evident);
+            if !left.free[next] {
+                continue;
+            }
+            let before = left.free.clone();
+            left.free[next] = false;
+            let first = &left.candidates[next];
+            let mut track = Track::of(first.motion, first.sweep, first.evident.clone());
             let motions = self.gather(&mut track, &mut left);
             self.settle(&mut track, motions);
             // By the motion of all sweeps it may be met in more of them.
@@ -116,6 +124,9 @@ impl Snippet<'_> {
             if self.moves(&track) {
                 left.taken.push(track.footprints(self));
                 tracks.push(track);
+            } else {
+                left.free = before;
+                left.free[next] = false;
             }
         }
         self.merged(tracks)
@@ -135,9 +146,9 @@ impl Snippet<'_> {
         let mut sweeps: Vec<usize> = (0..seen.sweeps.len()).filter(|s| !seen.sweeps[*s].points.is_empty()).collect();
         let apart = |sweep: &usize| (seen.clocks[*sweep].middle() - track.motion.time).abs();
         sweeps.sort_by(|a, b| apart(a).total_cmp(&apart(b)));
-        let mut motions = Vec::new();
+        let (mut motions, mut footprints) = (Vec::new(), track.footprints(self));
         for sweep in sweeps {
-            let (expected, footprints, others) = (track.at(self, sweep), track.footprints(self), self.others(sweep));
+            let (expected, others) = (track.at(self, sweep), self.others(sweep));
             let explains = |body: &Candidate| {
                 let is_near = body.evident.iter().any(|point| footprints[sweep].contains(*point, [UNITE_GAP; 2]));
                 let score = || self.score(&body.evident, &expected, &others);
@@ -145,19 +156,24 @@ impl Snippet<'_> {
                 fits && !self.rest_most(&body.evident, sweep, &footprints)
             };
             let mut own = Vec::new();
-            for slot in &mut left.candidates {
-                let Some(body) = slot.as_ref().filter(|body| body.sweep == sweep) else { continue };
+            for (body, free) in left.candidates.iter().zip(&mut left.free) {
+                if !*free || body.sweep != sweep {
+                    continue;
+                }
                 let confirms = confirms(body, &expected, &footprints[sweep]);
                 if confirms || explains(body) {
                     motions.extend(confirms.then_some(body.motion));
-                    own.extend(slot.take().into_iter().flat_map(|body| body.evident));
+                    own.extend(body.evident.iter().copied());
+                    *free = false;
                 }
             }
-            let is_evident = !own.is_empty();
-            if !is_evident && track.members.iter().all(|(member, _)| *member != sweep) {
-                own = self.carried(track, sweep, &footprints, &left.taken);
+            if !own.is_empty() {
+                track.add(Member { sweep, points: own, evident: true });
+                footprints = track.footprints(self);
+            } else if track.members.iter().all(|member| member.sweep != sweep) {
+                let points = self.carried(track, sweep, &footprints, &left.taken);
+                track.add(Member { sweep, points, evident: false });
             }
-            track.add(sweep, own, is_evident);
         }
         motions
     }
@@ -201,11 +217,14 @@ impl Snippet<'_> {
                 && !footprints[*other].contains(at, ELSEWHERE)
                 && !seen.shadows[*other].hides(at)
         };
-        let (mut sum, mut count) = (0.0, 0);
+        let (mut sum, mut count) = (0.0, 0.0);
         for other in (0..seen.sweeps.len()).filter(is_elsewhere) {
-            (sum, count) = (sum + self.plans[other].closeness(at[0], at[1]), count + 1);
+            // LiDARs that look at one time together count once: another body there would be met by all of them.
+            let together = seen.clocks.iter().filter(|clock| !clock.is_apart(&seen.clocks[other])).count();
+            let weight = 1.0 / together as f32;
+            (sum, count) = (sum + weight * self.plans[other].closeness(at[0], at[1]), count + weight);
         }
-        count > 0 && sum >= (REST_SHARE * count as f32).min(REST_SWEEPS)
+        count > 0.0 && sum >= (REST_SHARE * count).min(REST_SWEEPS)
     }
 
     /// Whether most of some points of a sweep are on surfaces at rest.
@@ -215,7 +234,7 @@ impl Snippet<'_> {
 
     /// Gives a body the motion that explains all its members best, from its own and those of the members.
     fn settle(&self, track: &mut Track, motions: Vec<PlanarMotion>) {
-        let of_member = |(sweep, points): &Member| (*sweep, thinned(points, POINTS));
+        let of_member = |member: &Member| Member { points: thinned(&member.points, POINTS), ..*member };
         let members: Vec<Member> = track.members.iter().map(of_member).collect();
         let value = |_: &[[f64; 2]], motion: &PlanarMotion| self.value(&members, motion);
         let time = track.motion.time;
@@ -227,8 +246,9 @@ impl Snippet<'_> {
 
     /// How well a motion explains the points of all members, 0 to 1.
     fn value(&self, members: &[Member], motion: &PlanarMotion) -> f64 {
-        let of_member = |(sweep, points): &Member| {
-            self.score(&thinned(points, POINTS), &self.at(motion, *sweep), &self.others(*sweep))
+        let of_member = |member: &Member| {
+            let points = thinned(&member.points, POINTS);
+            self.score(&points, &self.at(motion, member.sweep), &self.others(member.sweep))
         };
         members.iter().map(of_member).sum::<f64>() / members.len() as f64
     }
@@ -236,26 +256,28 @@ impl Snippet<'_> {
     /// The bodies without those that are parts of one with more points.
     fn merged(&self, mut tracks: Vec<Track>) -> Vec<Track> {
         tracks.sort_by_key(|track| std::cmp::Reverse(track.len()));
-        let mut kept: Vec<Track> = Vec::new();
+        let mut kept: Vec<(Track, Vec<Footprint>)> = Vec::new();
         for track in tracks {
-            match kept.iter_mut().find(|body| self.is_part(&track, body)) {
-                None => kept.push(track),
-                Some(body) => {
-                    let evident = track.evident;
-                    track.members.into_iter().for_each(|(s, points)| body.add(s, points, evident.contains(&s)));
+            match kept.iter_mut().find(|(body, footprints)| self.is_part(&track, body, footprints)) {
+                None => {
+                    let footprints = track.footprints(self);
+                    kept.push((track, footprints));
+                }
+                Some((body, footprints)) => {
+                    track.members.into_iter().for_each(|member| body.add(member));
+                    *footprints = body.footprints(self);
                 }
             }
         }
-        kept
+        kept.into_iter().map(|(body, _)| body).collect()
     }
 
     /// Whether a body is a part of another, whose motion explains it nearly as well as its own does; with more loss if
     /// most of it is in line with the other. The side of a car that is seen without its ends fits any speed along
     /// itself.
-    fn is_part(&self, track: &Track, body: &Track) -> bool {
-        let footprints = body.footprints(self);
+    fn is_part(&self, track: &Track, body: &Track, footprints: &[Footprint]) -> bool {
         let within = |room: [f64; 2]| {
-            let of_member = |(sweep, points): &Member| {
+            let of_member = |Member { sweep, points, .. }: &Member| {
                 points.iter().filter(|point| footprints[*sweep].contains(**point, room)).count()
             };
             track.members.iter().map(of_member).sum::<usize>()
@@ -273,8 +295,8 @@ impl Snippet<'_> {
         let [gain, loss] = self.evidence(track);
         let share = if track.members.len() > 2 { SURE } else { SURE_OF_TWO };
         let clocks = self.seen.clocks;
-        let (first, _) = track.members[0];
-        let is_apart = track.members.iter().any(|(sweep, _)| clocks[*sweep].is_apart(&clocks[first]));
+        let first = &clocks[track.members[0].sweep];
+        let is_apart = track.members.iter().any(|member| clocks[member.sweep].is_apart(first));
         is_apart && gain >= GAIN_MIN && gain - loss >= share * (gain + loss)
     }
 
@@ -282,7 +304,7 @@ impl Snippet<'_> {
     /// does, in the mean over points and sweeps.
     fn evidence(&self, track: &Track) -> [f64; 2] {
         let (mut gain, mut loss, mut pairs) = (0.0, 0.0, 0);
-        for (sweep, points) in &track.members {
+        for Member { sweep, points, .. } in &track.members {
             let (points, motion) = (thinned(points, POINTS), track.at(self, *sweep));
             for other in self.others(*sweep) {
                 let after = other.after(&motion);

@@ -58,7 +58,9 @@ impl SweepMotions {
                     parts.len() - 1
                 })
             };
-            let numbers: Vec<usize> = sweep.sensor.iter().map(|sensor| part_of(*sensor)).collect();
+            // A file may number as many LiDARs as it likes, each of which would be searched on its own.
+            let known = |sensor: &u8| if usize::from(*sensor) < log.lidars() { *sensor } else { 0 };
+            let numbers: Vec<usize> = sweep.sensor.iter().map(|sensor| part_of(known(sensor))).collect();
             let mut add = |(index, number): (usize, &usize)| {
                 let part = &mut parts[*number];
                 part.points.push(sweep.points[index]);
