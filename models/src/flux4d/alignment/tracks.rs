@@ -19,7 +19,7 @@ const CARRY_LOSS: f64 = 0.1;
 /// Least gain of closeness by a motion, in the mean over points and sweeps: a car of 2 m/s has 0.13 in half a second.
 const GAIN_MIN: f64 = 0.06;
 /// Share of the differences of closeness that must be for the motion: of what rests, the changing visible part and the
-/// noise of beams are for a motion and against it alike. Two sweeps, of one LiDAR or of two, agree more easily by chance.
+/// noise of beams are for a motion and against it alike. Two sweeps agree more easily by chance.
 const SURE: f64 = 0.8;
 const SURE_OF_TWO: f64 = 0.95;
 /// A place is a surface at rest that is seen, while a body is elsewhere, in this share of the sweeps, or in as many
