@@ -25,7 +25,9 @@ pub fn align(sweeps: &[AlignedSweep]) -> Aligned {
     let clocks: Vec<Clock> = sweeps.par_iter().map(Clock::of).collect();
     let evident = evident(sweeps, &clocks, &images, &standing);
     let shadows: Vec<Shadow> = images.par_iter().map(|image| Shadow::new(image, extent, &ground)).collect();
-    let seen = Seen { sweeps, heights: &heights, clocks: &clocks, shadows: &shadows };
+    let together = |own: &Clock| clocks.iter().filter(|clock| !clock.is_apart(own)).count();
+    let weights: Vec<f32> = clocks.iter().map(|clock| 1.0 / together(clock) as f32).collect();
+    let seen = Seen { sweeps, heights: &heights, clocks: &clocks, weights: &weights, shadows: &shadows };
     let fine = Snippet::new(seen, (FINE, extent), &standing);
     let mut found = fine.bodies(&evident);
     let moving = of_sweeps(&evident, |sweep, point| !rests(&fine, sweep, point));

@@ -27,6 +27,8 @@ pub struct RangeImage {
     /// Whether anything returned in a row, and in a column.
     rows: Vec<bool>,
     columns: Vec<bool>,
+    /// The lowest and the highest row with a return; `None` without any.
+    span: Option<[usize; 2]>,
 }
 
 impl RangeImage {
@@ -34,7 +36,7 @@ impl RangeImage {
     pub fn new(sweep: &AlignedSweep, stands: impl Fn(usize) -> bool) -> Self {
         let nearest = vec![f32::INFINITY; ROWS * COLUMNS];
         let (rows, columns) = (vec![false; ROWS], vec![false; COLUMNS]);
-        let mut image = Self { origin: sweep.origin, nearest, rows, columns };
+        let mut image = Self { origin: sweep.origin, nearest, rows, columns, span: None };
         for (index, point) in sweep.points.iter().enumerate() {
             let ([row, column], range) = image.place(point);
             (image.rows[row], image.columns[column]) = (true, true);
@@ -43,6 +45,8 @@ impl RangeImage {
                 *slot = slot.min(range as f32);
             }
         }
+        let (low, high) = (image.rows.iter().position(|any| *any), image.rows.iter().rposition(|any| *any));
+        image.span = low.zip(high).map(<[usize; 2]>::from);
         image
     }
 
@@ -62,7 +66,7 @@ impl RangeImage {
     /// in the cells of the image, and says nothing of the car.
     pub fn passed(&self, point: &[f32; 3]) -> bool {
         let ([row, column], range) = self.place(point);
-        let columns = (0..3).map(|step| (column + COLUMNS - 1 + step) % COLUMNS);
+        let columns = around(column);
         let scanned = self.is_between_beams(row) && columns.clone().any(|column| self.columns[column]);
         let limit = range * (1.0 + BEHIND_SHARE) + BEHIND;
         let rows = row.saturating_sub(1)..(row + 2).min(ROWS);
@@ -80,10 +84,8 @@ impl RangeImage {
     /// Whether a point is in the LiDAR's field of view: one that looks ahead sees nothing behind it.
     pub fn covers(&self, point: &[f32; 3]) -> bool {
         let ([row, column], _) = self.place(point);
-        let columns = (0..3).map(|step| (column + COLUMNS - 1 + step) % COLUMNS);
-        let rows = self.rows.iter().position(|any| *any).zip(self.rows.iter().rposition(|any| *any));
-        columns.into_iter().any(|column| self.columns[column])
-            && rows.is_some_and(|(low, high)| (low..=high).contains(&row))
+        let is_within = self.span.is_some_and(|[low, high]| (low..=high).contains(&row));
+        is_within && around(column).any(|column| self.columns[column])
     }
 
     /// Position of the LiDAR, metres.
@@ -96,4 +98,9 @@ impl RangeImage {
         let above = (row..(row + BEAM_ROWS + 1).min(ROWS)).rev().find(|row| self.rows[*row]);
         below.zip(above).is_some_and(|(below, above)| below < above)
     }
+}
+
+/// A column and the two beside it.
+fn around(column: usize) -> impl Iterator<Item = usize> + Clone {
+    (0..3).map(move |step| (column + COLUMNS - 1 + step) % COLUMNS)
 }

@@ -88,6 +88,11 @@ impl PlanarMotion {
         Self { time: self.time + seconds, centre: self.moved(self.centre, seconds), velocity, ..*self }
     }
 
+    /// Seconds from the time that the motion is about until a sweep with this clock sees the body.
+    pub fn until(&self, clock: &Clock) -> f64 {
+        clock.at(self.moved(self.centre, clock.middle() - self.time)) - self.time
+    }
+
     /// The position after `seconds` of the part of the body that is at a position now.
     pub fn moved(&self, position: [f64; 2], seconds: f64) -> [f64; 2] {
         self.mover(seconds)(position)
@@ -115,16 +120,10 @@ pub struct Other<'a> {
 }
 
 impl Other<'_> {
-    /// Seconds from the time that a motion is about until this sweep sees the body.
-    pub fn after(&self, motion: &PlanarMotion) -> f64 {
-        let about = self.clock.middle() - motion.time;
-        self.clock.at(motion.moved(motion.centre, about)) - motion.time
-    }
-
     /// Mean closeness of points that move, 0 to 1; `None` where most of them would be hidden and are not met.
     fn closeness(&self, points: &[[f64; 2]], motion: &PlanarMotion) -> Option<f64> {
         let (mut sum, mut hidden) = (0.0, 0);
-        let moved = motion.mover(self.after(motion));
+        let moved = motion.mover(motion.until(self.clock));
         for point in points {
             let at = moved(*point);
             let close = self.plan.closeness(at[0], at[1]);
@@ -211,7 +210,8 @@ pub fn thinned(points: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
 fn coarse(points: &[[f64; 2]], rest: &PlanarMotion, near: &[Other], value_of: Value) -> Vec<(PlanarMotion, f64)> {
     // A step moves the points by half the reach in the sweep next in time.
     let Some(next) = near.first() else { return Vec::new() };
-    let step = (0.5 * next.plan.reach() / next.after(rest).abs().max(1e-3)).clamp(SPEED_MAX / SIDE_MAX, SPEED_MAX);
+    let step =
+        (0.5 * next.plan.reach() / rest.until(next.clock).abs().max(1e-3)).clamp(SPEED_MAX / SIDE_MAX, SPEED_MAX);
     let side = (SPEED_MAX / step) as i32;
     let mut scores = Vec::new();
     for row in -side..=side {

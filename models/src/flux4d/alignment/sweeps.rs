@@ -40,6 +40,9 @@ pub struct Seen<'a> {
     pub heights: &'a [Vec<f32>],
     /// When each looks where.
     pub clocks: &'a [Clock],
+    /// How much each counts where sweeps are counted: those of LiDARs that look at one time together count once,
+    /// because all of them would meet another body there.
+    pub weights: &'a [f32],
     /// The places that each does not see.
     pub shadows: &'a [Shadow],
 }

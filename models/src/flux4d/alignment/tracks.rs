@@ -9,12 +9,12 @@ use super::evidence::places;
 use super::footprint::Footprint;
 use super::groups::middle;
 use super::plan::{Extent, Plan};
-use super::search::{PlanarMotion, refine, thinned};
+use super::search::{Other, PlanarMotion, refine, thinned};
 use super::sweeps::Snippet;
 
 /// Points of a body in a sweep by which its motion is judged.
 const POINTS: usize = 64;
-/// What points of another sweep may lose by a body's motion against rest: the side of a car fits both.
+/// Score that points of another sweep may lose by a body's motion against rest: the side of a car fits both.
 const CARRY_LOSS: f64 = 0.1;
 /// Least gain of closeness by a motion, in the mean over points and sweeps: a car of 2 m/s has 0.13 in half a second.
 const GAIN_MIN: f64 = 0.06;
@@ -42,6 +42,13 @@ struct Member {
     points: Vec<[f64; 2]>,
     /// Whether they are evident by themselves, or carried there by the motion.
     evident: bool,
+}
+
+/// Some of the points of a member, and the sweeps by which a motion of them is judged.
+struct Sighting<'a> {
+    sweep: usize,
+    points: Vec<[f64; 2]>,
+    others: Vec<Other<'a>>,
 }
 
 /// A body over all sweeps.
@@ -134,9 +141,7 @@ impl Snippet<'_> {
 
     /// A motion about the time at which a sweep sees the body.
     fn at(&self, motion: &PlanarMotion, sweep: usize) -> PlanarMotion {
-        let clock = &self.seen.clocks[sweep];
-        let about = motion.moved(motion.centre, clock.middle() - motion.time);
-        motion.after(clock.at(about) - motion.time)
+        motion.after(motion.until(&self.seen.clocks[sweep]))
     }
 
     /// Adds what the sweeps show of a body, the nearest in time first: candidates that move like it, whose motions are
@@ -219,9 +224,7 @@ impl Snippet<'_> {
         };
         let (mut sum, mut count) = (0.0, 0.0);
         for other in (0..seen.sweeps.len()).filter(is_elsewhere) {
-            // LiDARs that look at one time together count once: another body there would be met by all of them.
-            let together = seen.clocks.iter().filter(|clock| !clock.is_apart(&seen.clocks[other])).count();
-            let weight = 1.0 / together as f32;
+            let weight = seen.weights[other];
             (sum, count) = (sum + weight * self.plans[other].closeness(at[0], at[1]), count + weight);
         }
         count > 0.0 && sum >= (REST_SHARE * count).min(REST_SWEEPS)
@@ -234,9 +237,8 @@ impl Snippet<'_> {
 
     /// Gives a body the motion that explains all its members best, from its own and those of the members.
     fn settle(&self, track: &mut Track, motions: Vec<PlanarMotion>) {
-        let of_member = |member: &Member| Member { points: thinned(&member.points, POINTS), ..*member };
-        let members: Vec<Member> = track.members.iter().map(of_member).collect();
-        let value = |_: &[[f64; 2]], motion: &PlanarMotion| self.value(&members, motion);
+        let sightings = self.sightings(track);
+        let value = |_: &[[f64; 2]], motion: &PlanarMotion| self.value(&sightings, motion);
         let time = track.motion.time;
         let from = motions.into_iter().map(|motion| motion.after(time - motion.time)).chain([track.motion]);
         let best = from.max_by(|a, b| value(&[], a).total_cmp(&value(&[], b))).unwrap_or(track.motion);
@@ -244,13 +246,20 @@ impl Snippet<'_> {
         track.motion = refine(&[], best, steps, &value).0;
     }
 
-    /// How well a motion explains the points of all members, 0 to 1.
-    fn value(&self, members: &[Member], motion: &PlanarMotion) -> f64 {
-        let of_member = |member: &Member| {
-            let points = thinned(&member.points, POINTS);
-            self.score(&points, &self.at(motion, member.sweep), &self.others(member.sweep))
+    /// The members of a body as its motion is judged by them.
+    fn sightings(&self, track: &Track) -> Vec<Sighting<'_>> {
+        let of_member = |Member { sweep, points, .. }: &Member| Sighting {
+            sweep: *sweep,
+            points: thinned(points, POINTS),
+            others: self.others(*sweep),
         };
-        members.iter().map(of_member).sum::<f64>() / members.len() as f64
+        track.members.iter().map(of_member).collect()
+    }
+
+    /// How well a motion explains the points of all sightings, 0 to 1.
+    fn value(&self, sightings: &[Sighting], motion: &PlanarMotion) -> f64 {
+        let of_sighting = |seen: &Sighting| self.score(&seen.points, &self.at(motion, seen.sweep), &seen.others);
+        sightings.iter().map(of_sighting).sum::<f64>() / sightings.len() as f64
     }
 
     /// The bodies without those that are parts of one with more points.
@@ -285,9 +294,10 @@ impl Snippet<'_> {
         if within([UNITE_GAP; 2]) + within(ENDS) == 0 {
             return false;
         }
-        let score = self.value(&track.members, &body.motion);
+        let sightings = self.sightings(track);
+        let score = self.value(&sightings, &body.motion);
         let loss = if 2 * within(ENDS) > track.len() { INSIDE_LOSS } else { UNITE_LOSS };
-        score >= SCORE_MIN.max(self.value(&track.members, &track.motion) - loss)
+        score >= SCORE_MIN.max(self.value(&sightings, &track.motion) - loss)
     }
 
     /// Whether the sweeps together show motion rather than rest, by the places where the two differ.
@@ -304,10 +314,10 @@ impl Snippet<'_> {
     /// does, in the mean over points and sweeps.
     fn evidence(&self, track: &Track) -> [f64; 2] {
         let (mut gain, mut loss, mut pairs) = (0.0, 0.0, 0);
-        for Member { sweep, points, .. } in &track.members {
-            let (points, motion) = (thinned(points, POINTS), track.at(self, *sweep));
-            for other in self.others(*sweep) {
-                let after = other.after(&motion);
+        for Sighting { sweep, points, others } in self.sightings(track) {
+            let motion = track.at(self, sweep);
+            for other in &others {
+                let after = motion.until(other.clock);
                 for point in &points {
                     let [x, y] = motion.moved(*point, after);
                     let more = other.plan.closeness(x, y) - other.plan.closeness(point[0], point[1]);

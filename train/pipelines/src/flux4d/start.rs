@@ -89,7 +89,7 @@ impl SweepMotions {
     }
 }
 
-/// What one LiDAR saw in one sweep.
+/// The points that one LiDAR saw in one sweep.
 struct Part {
     points: Vec<[f32; 3]>,
     times: Vec<f64>,
