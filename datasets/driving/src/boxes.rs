@@ -11,6 +11,12 @@ use crate::sweep::{Cuboid, Labels, ObjectClass, Sweep};
 /// the labels of Argoverse 2 use 0.2 m in length and width, which is 0.1 m a side.
 const MARGIN: f64 = 0.1;
 
+/// Height of the lowest part of a box that moves, metres, whose points have no known flow: boxes stand on the road and
+/// hold more of it than of tyres. The protocol of Argoverse 2 leaves out what is within 0.3 m of the ground.
+const ROAD: f64 = 0.15;
+/// Displacement in [`FLOW_INTERVAL`] from which on a box moves, metres (0.5 m/s; Argoverse 2).
+const MOVES: f64 = 0.05;
+
 /// The interval of flow, seconds.
 pub const FLOW_INTERVAL: f64 = 0.1;
 
@@ -40,7 +46,8 @@ impl Boxed {
 
 /// Labels of points from the boxes of their frame and of the next one, which `later` reads and which is `interval`
 /// seconds later. A point outside of all boxes is background that does not move; a point in several boxes belongs to
-/// the smallest. Boxes of one LiDAR move in the time between their points in the two sweeps.
+/// the smallest; how the lowest points of a box that moves move is not known. Boxes of one LiDAR move in the time
+/// between their points in the two sweeps.
 pub(crate) fn labels(
     sweep: &Sweep,
     boxes: &[Cuboid],
@@ -93,10 +100,13 @@ fn of_boxes(sweep: &Sweep, boxes: &[Cuboid], next: Option<(&Boxed, f64)>) -> Lab
         points.map(|(point, sensor)| order.iter().position(|cuboid| holds(cuboid, point, *sensor))).collect();
     let flow = |(point, found): (&[f32; 3], &Option<usize>)| match found {
         None => Some([0.0; 3]),
-        Some(index) => motions[*index].map(|(before, after, scale)| {
-            let point = DVec3::from_array(point.map(f64::from));
-            (scale * (after.world(before.local(point)) - point)).as_vec3().to_array()
-        }),
+        Some(index) => {
+            let ((before, after, scale), point) = (motions[*index]?, DVec3::from_array(point.map(f64::from)));
+            let flow = scale * (after.world(before.local(point)) - point);
+            let cuboid = order[*index];
+            let is_low = cuboid.local(point).z < ROAD - 0.5 * cuboid.size.z;
+            (!is_low || flow.length() < MOVES).then(|| flow.as_vec3().to_array())
+        }
     };
     Labels {
         class: inside.iter().map(|found| found.map_or(ObjectClass::Background, |index| classes[index])).collect(),
@@ -152,5 +162,18 @@ mod tests {
         let later = || Ok(Some(Boxed { boxes: vec![cuboid(1.2, None)], sweep: sweep([1.2; 2], [0.12; 2]) }));
         let labels = super::labels(&sweep([0.0; 2], [0.0; 2]), &[cuboid(0.0, None)], Some(0.1), later);
         assert!((labels.expect("labels").flow[0].expect("known")[0] - 1.2).abs() < 1e-6);
+    }
+
+    /// What a box that moves holds of the road has no known flow; that of one that rests rests with it.
+    #[test]
+    fn the_road_under_a_car_does_not_move_with_it() {
+        let mut sweep = sweep([0.0; 2], [0.0; 2]);
+        sweep.points = vec![[0.0, 0.5, 0.1], [0.0, 0.5, 0.3]];
+        let flow = |x: f64| {
+            let later = || Ok(Some(Boxed::at_frame_time(vec![cuboid(x, None)])));
+            labels(&sweep, &[cuboid(0.0, None)], Some(0.1), later).expect("labels").flow
+        };
+        assert!(matches!(flow(1.0)[..], [None, Some([x, ..])] if (x - 1.0).abs() < 1e-6));
+        assert!(flow(0.01).iter().all(Option::is_some));
     }
 }

@@ -43,6 +43,7 @@ mod snippet;
 mod sweep;
 mod waymo;
 
+pub use argoverse::ground::MapGround;
 pub use boxes::FLOW_INTERVAL;
 pub use check::{DrivingReport, check};
 pub use description::{Camera, Frame, Shot};

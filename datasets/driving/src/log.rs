@@ -6,6 +6,7 @@ use glam::{DMat4, DVec3};
 use gs_datasets::{DatasetError, FrameDescription, FrameSource, RgbImage8, Split, View, read_photo};
 
 use crate::argoverse;
+use crate::argoverse::ground::MapGround;
 use crate::description::{Camera, Description, Frame, Shot};
 use crate::options::LogOptions;
 use crate::pandaset;
@@ -308,6 +309,19 @@ impl DrivingLog {
             #[cfg(not(feature = "waymo"))]
             LogFormat::Waymo => unreachable!("a Waymo segment does not open"),
         }
+    }
+
+    /// The ground by the map of the log.
+    ///
+    /// # Errors
+    /// When the map is missing or broken; for logs of other data sets than Argoverse 2.
+    pub fn map_ground(&self) -> Result<MapGround, DatasetError> {
+        if self.format != LogFormat::Argoverse {
+            let (path, what) = (self.path.clone(), format!("the ground of a log of {}", self.format.name()));
+            let expected = "a log of Argoverse 2 with its map".to_string();
+            return Err(DatasetError::Unsupported { path, what, expected });
+        }
+        MapGround::read(&self.path, self.origin())
     }
 
     /// Reads a sweep with its labels, for which the sweep of the next frame is read as well.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use gs_datasets::{DatasetError, photo_size};
 
-use super::poses::{Calibrated, Track, cameras};
+use super::poses::{CAMERAS, Calibrated, Track, cameras};
 use crate::description::{Camera, Description, Frame, Shot, centred, folder_name, without};
 use crate::options::LogOptions;
 
@@ -17,9 +17,8 @@ const PAIR_MAX: u64 = 50_000_000;
 const EGO_ROWS: [(&str, usize, usize); 3] =
     [("ring_front_center", 250, 2048), ("ring_rear_left", 250, 1550), ("ring_rear_right", 250, 1550)];
 
-/// Folders of a log.
+/// The folder of the sweeps.
 pub(crate) const LIDAR: &str = "sensors/lidar";
-const CAMERAS: &str = "sensors/cameras";
 
 /// Seconds of a time stamp.
 pub(crate) fn seconds(nanoseconds: i64) -> f64 {

@@ -11,6 +11,8 @@ use crate::feather::table::Feather;
 
 /// The file with the ego vehicle's poses.
 pub(crate) const EGO: &str = "city_SE3_egovehicle.feather";
+/// The folder of the images.
+pub(super) const CAMERAS: &str = "sensors/cameras";
 
 /// Farthest in time that a pose may be from what it is used for, nanoseconds. A row exists for every time stamp of a
 /// sensor; a metre a hundredth of a second is the speed of the fastest vehicle.
@@ -80,10 +82,14 @@ pub(crate) struct Calibrated {
     pub size: (f64, f64),
 }
 
-/// The cameras of a log. Images are undistorted already, so the coefficients of the lens are not read.
+/// The cameras of a log. Images are undistorted already, so the coefficients of the lens are not read. A log of the
+/// LiDAR data set has neither images nor intrinsics, and no camera.
 pub(crate) fn cameras(log: &Path) -> Result<Vec<Calibrated>, DatasetError> {
     let (inner, outer) =
         (log.join("calibration/intrinsics.feather"), log.join("calibration/egovehicle_SE3_sensor.feather"));
+    if !inner.exists() && !log.join(CAMERAS).exists() {
+        return Ok(Vec::new());
+    }
     let file = Feather::open(&outer)?;
     let poses: BTreeMap<String, DMat4> =
         file.texts("sensor_name")?.into_iter().zip(transforms(&file, &outer)?).collect();

@@ -106,6 +106,11 @@ mod tests {
         let axis = |name: &str| file.numbers(name).expect("a column");
         let [x, y, z] = [axis("flow_tx_m"), axis("flow_ty_m"), axis("flow_tz_m")];
         let flow = sweep.labels.as_ref().map(|labels| &labels.flow).expect("labels");
+        let ground = super::super::ground::MapGround::read(&log, described.origin).expect("a map");
+        let is_ground = file.numbers("is_ground_0").expect("a column");
+        let differing = (0..sweep.len()).filter(|i| ground.has(sweep.points[*i]) != (is_ground[*i] > 0.5)).count();
+        // Positions of the sample's own program are f32 in the city, which is 4 km from its origin.
+        assert!(differing * 1000 < sweep.len(), "{differing} of {} points are ground in one alone", sweep.len());
         let (mut moving, mut off) = (0, Vec::new());
         for (i, point) in sweep.points.iter().enumerate() {
             let world = DVec3::from_array(point.map(f64::from));

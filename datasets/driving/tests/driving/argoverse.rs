@@ -56,6 +56,46 @@ fn points_boxes_and_poses() {
     }
 }
 
+/// Logs of the LiDAR data set have no image and no intrinsics.
+#[test]
+fn a_log_without_cameras_opens() {
+    let folder = copied();
+    let intrinsics = folder.path().join("calibration/intrinsics.feather");
+    std::fs::remove_file(&intrinsics).expect("removed");
+    let log = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened");
+    assert_eq!((log.frames().len(), log.cameras().len()), (2, 0));
+    assert_eq!(log.labelled_sweep(0).expect("a sweep").len(), 200);
+    std::fs::create_dir_all(folder.path().join("sensors/cameras/ring_front_center")).expect("made");
+    let said = DrivingLog::open(folder.path(), &LogOptions::default()).expect_err("images need it").to_string();
+    assert!(said.contains("intrinsics.feather"), "{said}");
+}
+
+/// The ground of the map is 0.2 m below the points up to 16 m ahead, and far below the others.
+#[test]
+fn the_map_says_what_is_ground() {
+    let folder = copied();
+    let log = DrivingLog::open(folder.path(), &LogOptions::default()).expect("opened");
+    let sweep = log.sweep(0).expect("a sweep");
+    let map = folder.path().join("map");
+    assert!(log.map_ground().expect_err("no map").to_string().contains("map"));
+    std::fs::create_dir(&map).expect("made");
+    let row: [f32; 40] = std::array::from_fn(|x| if x < 16 { 61.3 } else { 55.0 });
+    gs_base::npy::write_npy(&map.join("0_ground_height_surface____PIT.npy"), &[row; 8]).expect("written");
+    let place = map.join("0___img_Sim2_city.json");
+    std::fs::write(&place, r#"{"R": [1.0, 0.0, 0.0, 1.0], "t": [-5000.0, 3004.0], "s": 1.0}"#).expect("written");
+    let ground = log.map_ground().expect("a map");
+    for point in &sweep.points {
+        assert_eq!(ground.has(*point), point[0] < 16.0, "{point:?}");
+    }
+    // A place that is no number is on no ground.
+    std::fs::write(&place, r#"{"R": [1e308, 1e308, 1e308, 1e308], "t": [-1e308, -1e308], "s": 1e308}"#)
+        .expect("written");
+    let nowhere = log.map_ground().expect("numbers");
+    assert!(sweep.points.iter().all(|point| !nowhere.has(*point)));
+    std::fs::write(&place, "{}").expect("written");
+    assert!(log.map_ground().expect_err("no numbers").to_string().contains("Sim2"));
+}
+
 #[test]
 fn a_log_without_lidar_says_so() {
     let folder = copied();

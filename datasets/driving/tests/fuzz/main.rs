@@ -16,8 +16,7 @@ mod waymo;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use gs_driving::truth_image;
-use gs_driving::{LogOptions, check};
+use gs_driving::{DrivingLog, LogOptions, check, truth_image};
 use gs_worlds::driving::{StreetOptions, write};
 
 use crate::bounded::{asked, kept, run, steps};
@@ -50,6 +49,14 @@ fn street(folder: &Path, compressed: bool) {
         ..StreetOptions::default()
     };
     write(folder, &options, |_, _| {}).expect("written");
+}
+
+/// A map of the ground.
+fn map(folder: &Path) {
+    fs::create_dir(folder).expect("made");
+    gs_base::npy::write_npy(&folder.join("_ground_height_surface____.npy"), &[[60.0; 4]; 4]).expect("written");
+    let place = r#"{"R": [1.0, 0.0, 0.0, 1.0], "t": [-5008.0, 3000.0], "s": 0.2}"#;
+    fs::write(folder.join("___img_Sim2_city.json"), place).expect("written");
 }
 
 /// Copies a small log that is kept as it is.
@@ -85,6 +92,12 @@ fn examine(folder: &Path) {
     if let Err(error) = truth_image(folder, "front_camera", "00") {
         said.push(error.to_string());
     }
+    if let Ok(log) = DrivingLog::open(folder, &LogOptions::default()) {
+        match log.map_ground() {
+            Ok(ground) => _ = ground.has([10.0, 0.0, 1.0]),
+            Err(error) => said.push(error.to_string()),
+        }
+    }
     let raw = said.iter().find(|text| text.chars().any(|c| c.is_control() || c == '\u{202e}'));
     assert_eq!(raw, None, "a control character is said");
 }
@@ -95,7 +108,10 @@ fn both(cases: u32) {
         match layout {
             0 => street(folder.path(), false),
             1 => street(folder.path(), true),
-            _ => fixture("argoverse", folder.path()),
+            _ => {
+                fixture("argoverse", folder.path());
+                map(&folder.path().join("map"));
+            }
         }
         fuzz(folder.path(), cases);
     }

@@ -19,7 +19,7 @@ pub(super) fn sweep(rig: &Rig<'_>, returns: &[Return]) -> [Vec<u8>; 3] {
     let [x, y, z] = [0, 1, 2].map(|i| axis(&points, i));
     let intensity: Vec<f64> = returns.iter().map(|r| r.intensity).collect();
     let times: Vec<f64> = returns.iter().map(|r| rig.clock(r.time)).collect();
-    let sensor = vec![0_i64; returns.len()];
+    let sensor: Vec<i64> = returns.iter().map(|r| i64::from(r.sensor)).collect();
     let lidar = table(&[
         ("x", Column::F64(&x)),
         ("y", Column::F64(&y)),

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use gs_datasets::DatasetError;
 
+use super::rig::LIDARS;
 use crate::ranges::check_ranges;
 
 /// Bodies that a street has beside its movers, whose paths meet during the first second.
@@ -33,6 +34,8 @@ pub struct StreetOptions {
     pub beams: usize,
     /// Directions in one turn of the LiDAR, 36 to 3600.
     pub columns: usize,
+    /// LiDARs, 1 or 2; the second one stands ahead of the first and below it and looks the other way.
+    pub lidars: usize,
     /// Rays along each side of a pixel, 1 to 4.
     pub subpixels: usize,
     /// Vehicles, cyclists and people that move, 0 to 60.
@@ -64,6 +67,7 @@ impl Default for StreetOptions {
             height: 180,
             beams: 32,
             columns: 900,
+            lidars: 1,
             subpixels: 2,
             movers: 16,
             encounter: Encounter::None,
@@ -87,6 +91,7 @@ impl StreetOptions {
             ("height", self.height, 16..=4096),
             ("beams", self.beams, 1..=128),
             ("columns", self.columns, 36..=3600),
+            ("lidars", self.lidars, 1..=LIDARS.len()),
             ("subpixels", self.subpixels, 1..=4),
             ("movers", self.movers, 0..=60),
         ];

@@ -12,13 +12,13 @@ use super::street::Street;
 /// One turn of the LiDAR, seconds; also the time between frames.
 pub(super) const TURN: f64 = 0.1;
 
-/// The LiDAR in vehicle axes, metres: above and ahead of the pose, as measured on PandaSet.
-const LIDAR: DVec3 = DVec3::new(0.0, 0.8, 1.85);
+/// The LiDARs in vehicle axes, metres: above and ahead of the pose, as measured on PandaSet.
+pub(super) const LIDARS: [DVec3; 2] = [DVec3::new(0.0, 0.8, 1.85), DVec3::new(0.0, 1.41, 1.55)];
 
 /// Angle of view of a camera from left to right, radians.
 const ANGLE_X: f64 = 1.25;
 
-/// Cameras stand on a circle of this radius around the LiDAR, seen from above, and this far below it, metres.
+/// Cameras stand on a circle of this radius around the first LiDAR, seen from above, and this far below it, metres.
 const CAMERA_RADIUS: f64 = 0.6;
 const CAMERA_BELOW: f64 = 0.2;
 
@@ -75,7 +75,7 @@ impl Rig<'_> {
         let yaw = CAMERA_YAWS[camera].to_radians();
         let forward = DVec3::new(-yaw.sin(), yaw.cos(), 0.0);
         let right = DVec3::new(forward.y, -forward.x, 0.0);
-        let place = LIDAR + CAMERA_RADIUS * forward - CAMERA_BELOW * DVec3::Z;
+        let place = LIDARS[0] + CAMERA_RADIUS * forward - CAMERA_BELOW * DVec3::Z;
         let columns = [right, -DVec3::Z, forward].map(|axis| axis.extend(0.0));
         self.ego(time) * DMat4::from_cols(columns[0], columns[1], columns[2], place.extend(1.0))
     }
@@ -87,13 +87,14 @@ impl Rig<'_> {
         Intrinsics { fx: focal, fy: focal, cx: 0.5 * width, cy: 0.5 * height }
     }
 
-    /// Street seconds, position and azimuth of the LiDAR when it looks into a column of a turn.
-    pub fn beam_column(&self, frame: usize, column: usize) -> (f64, DVec3, f64) {
+    /// Street seconds, position and azimuth of a LiDAR when it looks into a column of a turn. The second one is half a
+    /// turn ahead of the first.
+    pub fn beam_column(&self, (frame, lidar): (usize, usize), column: usize) -> (f64, DVec3, f64) {
         let share = (column as f64 + 0.5) / self.options.columns as f64;
         let time = self.sweep_end(frame) - TURN * (1.0 - share);
         let ego = self.ego(time);
-        let azimuth = self.street.ego.at(time).yaw + PI - TAU * share;
-        (time, ego.transform_point3(LIDAR), azimuth)
+        let azimuth = self.street.ego.at(time).yaw + PI - TAU * (share + 0.5 * lidar as f64);
+        (time, ego.transform_point3(LIDARS[lidar]), azimuth)
     }
 
     /// Angles of the beams above the horizon, radians, the highest first.

@@ -190,6 +190,10 @@ pub struct SynthDrivingArgs {
     #[arg(long, default_value = "900", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(36..=3600), value_name = "N,...")]
     pub columns: Vec<u32>,
 
+    /// LiDARs; the second one looks the other way and sees each object at another time
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=2), value_name = "N")]
+    pub lidars: u32,
+
     /// Vehicles, cyclists and people that move
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(0..=60), value_name = "N")]
     pub movers: u32,

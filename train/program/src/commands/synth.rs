@@ -114,13 +114,16 @@ fn driving_logs(args: &SynthDrivingArgs) -> Result<ExitCode> {
             let options = StreetOptions {
                 beams: in_turn(&args.beams),
                 columns: in_turn(&args.columns),
+                lidars: args.lidars as usize,
                 seed: args.seed.wrapping_add(log as u64),
                 ..options.clone()
             };
             gs_worlds::driving::write(&folder, &options, |done, total| bar(done + total * log, total * logs))
         })
     })?;
-    let frames = format!("{} frames of {} cameras and a LiDAR", args.frames, args.cameras);
+    let sensors =
+        [(args.cameras, "camera"), (args.lidars, "LiDAR")].map(|(n, name)| gs_base::counted(n as usize, name));
+    let frames = format!("{} frames of {} and {}", args.frames, sensors[0], sensors[1]);
     print(format!("{}: {}, {frames} each", args.out.display(), gs_base::counted(args.logs as usize, "log")));
     Ok(ExitCode::SUCCESS)
 }
