@@ -1,5 +1,6 @@
 //! The loss of a snippet: `0.8 L1 + 0.2 (1 - SSIM) + 0.01 depth + 5e-3 mean |v|` (main paper, Eq. 3 to 5), with the
-//! reweighting of Eq. 1 of the supplement: each pixel's photometric loss times `1 + |v_r|`.
+//! reweighting of Eq. 1 of the supplement: each pixel's photometric loss times `1 + |v_r|`. Beyond the paper,
+//! `3 mean |v - v_s|` keeps the velocities to those that the sweeps show.
 //!
 //! `v_r` is the rendered velocity in the image, in **pixels per frame**, its norm clipped to 0 to 10; it has no
 //! gradient. Neither the unit nor whether the norm or the components are clipped is in the paper.
@@ -21,7 +22,7 @@ use super::similarity::ssim_map;
 const SPEED_FLOOR: f64 = 1e-6;
 /// A pixel's depth counts where the Gaussians cover at least this share of it: the mean depth of less is that of a few
 /// faint ones.
-const COVERED: f64 = 0.1;
+pub const COVERED: f64 = 0.1;
 /// Gaussians nearer than this (camera z, metres) have no velocity in the image: the car's own body is not in view, and
 /// the projection grows without bound.
 const NEAR: f64 = 0.1;
@@ -36,13 +37,15 @@ pub struct LossConfig {
     pub depth: f64,
     /// Weight of the mean speed ("as static as possible"), windows per metre.
     pub velocity: f64,
+    /// Weight of the mean difference of the velocities from those that the sweeps show, windows per metre.
+    pub shown: f64,
     /// Largest image velocity of the reweighting, pixels per frame; 0 switches it off.
     pub reweight_clip: f64,
 }
 
 impl Default for LossConfig {
     fn default() -> Self {
-        Self { dssim: 0.2, depth: 0.01, velocity: 5e-3, reweight_clip: 10.0 }
+        Self { dssim: 0.2, depth: 0.01, velocity: 5e-3, shown: 3.0, reweight_clip: 10.0 }
     }
 }
 
@@ -75,6 +78,13 @@ pub fn depth_loss(rendering: &Rendering, lidar: Tensor<3>) -> Tensor<1> {
 pub fn mean_speed(velocity: Tensor<2>, rows: usize) -> Tensor<1> {
     let squared = velocity.narrow(0, 0, rows).square().sum_dim(1);
     mean((squared + SPEED_FLOOR).sqrt() - SPEED_FLOOR.sqrt())
+}
+
+/// Mean norm of the velocities `[N, 3 (l + 1)]`, metres per window, by weights of the rows `[N, 1]`, `[1]`; zero where
+/// all weights are.
+pub fn weighted_speed(velocity: Tensor<2>, weights: Tensor<2>) -> Tensor<1> {
+    let speed = (velocity.square().sum_dim(1) + SPEED_FLOOR).sqrt() - SPEED_FLOOR.sqrt();
+    sum(speed * weights.clone()) / sum(weights).clamp_min(1.0)
 }
 
 /// Velocities in the image, `[N, 2]`, pixels per frame, of Gaussians at `means` `[N, 3]` (world, metres) with

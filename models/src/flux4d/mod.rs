@@ -46,4 +46,4 @@ pub use losses::LossConfig;
 pub use motion::PolynomialMotion;
 pub use refinement::{Feedback, Network, Objective, Refined, Refinement, RefinementConfig};
 pub use scene::FluxScene;
-pub use snippet::{SnippetFrame, TargetView};
+pub use snippet::{ShownMotion, SnippetFrame, TargetView};

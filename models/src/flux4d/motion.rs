@@ -82,6 +82,12 @@ impl PolynomialMotion {
         [0, 1, 2].map(|axis| (0..=self.degree).map(|j| velocity[3 * j + axis] * of(j)).sum())
     }
 
+    /// The speed of one row at the time `t` on the host, metres per window; `velocity` has `3 (l + 1)` numbers.
+    pub fn speed(&self, velocity: &[f64], t: f64) -> f64 {
+        let along = |axis: usize| (0..=self.degree).map(|j| velocity[3 * j + axis] * t.powi(j as i32)).sum::<f64>();
+        along(0).hypot(along(1)).hypot(along(2))
+    }
+
     /// The velocity of `degree` (at most the own one) nearest to one row's in the mean square over the window;
     /// coefficients above it are 0.
     pub fn lowered(&self, velocity: &[f64], degree: usize) -> Vec<f64> {

@@ -58,6 +58,11 @@ pub trait Objective {
         0
     }
 
+    /// The velocities `[N, 3 (l + 1)]` that count at inference, of those that the base network predicts.
+    fn settled(&self, predicted: Tensor<2>) -> Tensor<2> {
+        predicted
+    }
+
     /// A term `[1]` of raw channels `[N, 14]` and velocities `[N, 3 (l + 1)]`.
     fn term(&self, term: Term, raw: Tensor<2>, velocity: Tensor<2>) -> Tensor<1>;
 }
@@ -154,7 +159,8 @@ impl<F: Network, R: Network> Refinement<'_, F, R> {
         let (init, times) = (raw.inner(), times.inner().reshape([rows, 1]));
         let (residual, velocity) = self.first.forward(init.clone(), times.clone());
         let tracked_velocity = velocity.expect("the base network predicts velocities");
-        let velocity = tracked_velocity.clone().inner();
+        let predicted = tracked_velocity.clone().inner();
+        let velocity = if surrogate.is_some() { predicted } else { objective.settled(predicted) };
         let tracked_first = init.clone() + residual;
         let mut state = tracked_first.clone().inner();
         let (mut losses, mut first_gradient) = (Vec::new(), None);

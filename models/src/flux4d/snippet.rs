@@ -1,11 +1,13 @@
 //! The loss of one snippet: every view rendered at its time, compared, and averaged (Algorithm 1 with all terms of the
 //! paper).
 
-use burn::tensor::{Tensor, assert_shape};
+use burn::tensor::{Tensor, TensorData, assert_shape};
 use gs_burn::{Camera, Extras, Gaussians, RenderOptions, Rendering, render_with};
 
 use super::activate::{ScaleLimits, activate_within};
-use super::losses::{LossConfig, depth_loss, image_velocity, mean_speed, photometric, velocity_weights};
+use super::losses::{
+    LossConfig, depth_loss, image_velocity, mean_speed, photometric, velocity_weights, weighted_speed,
+};
 use super::motion::PolynomialMotion;
 
 /// A photo to be compared with.
@@ -32,14 +34,52 @@ pub struct SnippetFrame {
     pub limits: ScaleLimits,
     /// The velocity's polynomial.
     pub motion: PolynomialMotion,
-    /// First velocities `[N, 3 (l + 1)]`, metres per window, which the loss of speed keeps to; `None`: rest, as in the
-    /// paper.
-    pub start: Option<Tensor<2>>,
+    /// The motion that the sweeps themselves show; `None`: velocities are the network's alone, as in the paper.
+    pub shown: Option<ShownMotion>,
     /// Time between two frames, in windows: 0.1 for 11 frames.
     pub frame: f64,
 }
 
+/// The motion that the sweeps of a snippet show of its rows.
+#[derive(Debug, Clone)]
+pub struct ShownMotion {
+    /// `[N, 3 (l + 1)]`, metres per window; zero where nothing is shown.
+    pub velocity: Tensor<2>,
+    /// `[N, 1]`, 1 for the rows whose motion or rest is shown and 0 for those whose velocity is the network's.
+    pub is_known: Tensor<2>,
+    /// `[N, 1]`, weights of the rows in the difference of a network's velocities from these.
+    pub weights: Tensor<2>,
+}
+
+impl ShownMotion {
+    /// The velocities of a network where the sweeps show nothing, zero elsewhere.
+    fn free(&self, predicted: Tensor<2>) -> Tensor<2> {
+        predicted * (self.is_known.clone().neg() + 1.0)
+    }
+}
+
 impl SnippetFrame {
+    /// The velocities of the rows by those of a network, `[N, 3 (l + 1)]` both: what the sweeps show counts before it.
+    pub fn velocity(&self, predicted: Tensor<2>) -> Tensor<2> {
+        match &self.shown {
+            Some(shown) => shown.free(predicted) + shown.velocity.clone() * shown.is_known.clone(),
+            None => predicted,
+        }
+    }
+
+    /// The same frame for velocities that were found by sweeps and network, `[N, 3 (l + 1)]`: all of them may change,
+    /// and the loss keeps to them.
+    pub fn around(&self, velocity: Tensor<2>) -> Self {
+        let shown = self.shown.as_ref().map(|shown| {
+            let near = velocity.dims()[0] - self.far;
+            let weights: Vec<f32> = (0..velocity.dims()[0]).map(|row| if row < near { 1.0 } else { 0.0 }).collect();
+            let weights = TensorData::new(weights, shown.is_known.dims());
+            let weights = Tensor::from_data(weights, (&velocity.device(), velocity.dtype()));
+            ShownMotion { velocity, is_known: shown.is_known.zeros_like(), weights }
+        });
+        Self { shown, ..self.clone() }
+    }
+
     /// The Gaussians of `raw` `[N, 14]` moved by `velocity` `[N, 3 (l + 1)]` to the time `t`.
     pub fn at(&self, raw: Tensor<2>, velocity: Tensor<2>, t: f64) -> Gaussians {
         let gaussians = activate_within(raw, &self.limits);
@@ -61,7 +101,8 @@ impl SnippetFrame {
         render_with(&gaussians, camera, &options, Extras { features, ..Extras::default() })
     }
 
-    /// The loss over `views`: the mean over the views, and the mean speed once, `[1]`.
+    /// The loss over `views`: the mean over the views, and the terms of the velocities once, `[1]`; `velocity` is a
+    /// network's.
     ///
     /// # Panics
     /// Without views, or when shapes disagree.
@@ -70,8 +111,7 @@ impl SnippetFrame {
         (0..views.len()).map(of_view).reduce(|a, b| a + b).expect("a snippet is compared with at least one view")
     }
 
-    /// The part of view `view` in [`Self::loss`], `[1]`; the first one has the mean speed of the change from the first
-    /// velocities.
+    /// The part of view `view` in [`Self::loss`], `[1]`; the first one has the terms of the velocities.
     ///
     /// # Panics
     /// When there is no such view, or shapes disagree.
@@ -84,15 +124,21 @@ impl SnippetFrame {
     ) -> Tensor<1> {
         let rows = raw.dims()[0];
         assert_shape!(velocity, [rows, self.motion.columns()]);
-        let own = self.view_loss(raw, velocity.clone(), &views[view], config) / views.len() as f64;
-        if view > 0 {
-            return own;
+        let moved = self.velocity(velocity.clone());
+        let own = self.view_loss(raw, moved, &views[view], config) / views.len() as f64;
+        match view {
+            0 => own + self.velocity_loss(velocity, config),
+            _ => own,
         }
-        let change = match &self.start {
-            Some(start) => velocity - start.clone(),
-            None => velocity,
-        };
-        own + mean_speed(change, rows - self.far) * config.velocity
+    }
+
+    /// The mean speed of the rows that are not far where the sweeps show none, and the difference from what they show,
+    /// `[1]`.
+    fn velocity_loss(&self, velocity: Tensor<2>, config: &LossConfig) -> Tensor<1> {
+        let near = velocity.dims()[0] - self.far;
+        let Some(shown) = &self.shown else { return mean_speed(velocity, near) * config.velocity };
+        let difference = weighted_speed(velocity.clone() - shown.velocity.clone(), shown.weights.clone());
+        mean_speed(shown.free(velocity), near) * config.velocity + difference * config.shown
     }
 
     fn view_loss(&self, raw: Tensor<2>, velocity: Tensor<2>, view: &TargetView, config: &LossConfig) -> Tensor<1> {

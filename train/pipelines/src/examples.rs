@@ -49,6 +49,7 @@ pub const FLOW: &str = "\
 Examples:
   gsburn flow pandaset/002
   gsburn flow av2/val/LOG --out flow              one array a sweep: [points, 3], metres in 0.1 s, axes of the world
+  gsburn flow av2/val/LOG --protocol av2          scored without ground, within 50 and 35 m
   gsburn flow av2/val/LOG --fit 500               the baseline: a fit of every pair of sweeps, minutes a sweep
 
 Bodies are found by what the rays of other sweeps passed through; each has one motion in the plane (velocity,

@@ -62,6 +62,7 @@ use gs_train::run::presentation::Presentation;
 use gs_train::run::scene::{LoadedScene, SceneFile, read_file};
 use gs_train::run::watch::{Ending, Job};
 
+pub use flux4d::protocol::Protocol;
 pub use flux4d::saved::shipped_checkpoint as shipped;
 pub use flux4d::sweep_flow::{SweepFlow, sweep_flow};
 pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides, resolve_saved};

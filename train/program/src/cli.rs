@@ -13,7 +13,7 @@ mod sweep;
 
 pub use export::{ConvertArgs, ExportArgs, Up};
 pub use extrapolate::ExtrapolateArgs;
-pub use flow::FlowArgs;
+pub use flow::{FlowArgs, ScoredPoints};
 pub use sweep::SweepArgs;
 
 use std::path::PathBuf;

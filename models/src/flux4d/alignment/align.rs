@@ -1,8 +1,11 @@
 //! The motions of all points of a snippet: bodies of many points first, then those of few among what is left.
 
+use std::collections::HashSet;
+
 use rayon::prelude::*;
 
 use super::aligned::Aligned;
+use super::claims::OWN_HEIGHTS;
 use super::clock::Clock;
 use super::evidence::{evident, heights, images, places, standing};
 use super::ground::Ground;
@@ -14,6 +17,8 @@ use super::{AlignedSweep, in_plan};
 
 /// Closeness at rest from which on a point is of no body of the coarse scale.
 const REST_CLOSENESS: f64 = 0.4;
+/// Edge of the cells in which, and beside which, a point above the road next to a body's may belong to it, metres.
+const BESIDE: f64 = 0.5;
 
 /// The motions of all points. Sweeps without points are left out. The same for any thread count.
 pub fn align(sweeps: &[AlignedSweep]) -> Aligned {
@@ -36,7 +41,26 @@ pub fn align(sweeps: &[AlignedSweep]) -> Aligned {
     let left = of_sweeps(&moving, |sweep, point| found.of_point[sweep][point].is_none());
     coarse.before = Some(Before { snippet: &fine, found: &found });
     let more = coarse.bodies(&left);
-    found.with(more)
+    let mut found = found.with(more);
+    found.is_known = (0..sweeps.len()).into_par_iter().map(|sweep| known(&fine, &found, &standing, sweep)).collect();
+    found
+}
+
+/// Whether the sweeps show how each point of a sweep moves.
+fn known(snippet: &Snippet, found: &Aligned, standing: &[Vec<usize>], sweep: usize) -> Vec<bool> {
+    let (points, of_point) = (snippet.seen.sweeps[sweep].points, &found.of_point[sweep]);
+    let cell = |point: usize| in_plan(&points[point]).map(|x| (x / BESIDE).floor() as i32);
+    let bodies = (0..points.len()).filter(|point| of_point[*point].is_some());
+    let around = |[x, y]: [i32; 2]| (-1..=1).flat_map(move |i| (-1..=1).map(move |j| [x + i, y + j]));
+    let beside: HashSet<[i32; 2]> = bodies.flat_map(|point| around(cell(point))).collect();
+    let mut known = vec![true; points.len()];
+    for point in standing[sweep].iter().copied().filter(|point| of_point[*point].is_none()) {
+        known[point] = rests(snippet, sweep, point);
+    }
+    for (point, known) in known.iter_mut().enumerate().filter(|(point, _)| of_point[*point].is_none()) {
+        *known &= snippet.seen.heights[sweep][point] < OWN_HEIGHTS[0] || !beside.contains(&cell(point));
+    }
+    known
 }
 
 /// The points of each sweep that a rule keeps, which is given the sweep and the point.

@@ -10,6 +10,10 @@ pub struct Aligned {
     pub bodies: Vec<Vec<PlanarMotion>>,
     /// The body of each point, by sweep; `None` rests.
     pub of_point: Vec<Vec<Option<u32>>>,
+    /// Whether the sweeps show how each point moves, by sweep: points of bodies, of the ground, and of surfaces that
+    /// other sweeps show at the same place, and points too high or too far for bodies. The others are of no body, and
+    /// still may move.
+    pub is_known: Vec<Vec<bool>>,
 }
 
 impl Aligned {

@@ -12,7 +12,7 @@ use super::tracks::Track;
 
 /// Heights of the points that belong to a body once it is found: from its wheels to the roof of a lorry. The road
 /// under a car is within 0.2 m of the ground around it.
-const OWN_HEIGHTS: [f32; 2] = [0.15, 4.5];
+pub(super) const OWN_HEIGHTS: [f32; 2] = [0.15, 4.5];
 /// Room around a body's evident points in which points belong to it, metres.
 const MARGIN: f64 = 0.35;
 /// Room in which points belong to it that move rather than rest, along and across its motion, metres: what is evident
@@ -58,7 +58,7 @@ impl Snippet<'_> {
         let boxes: Vec<Vec<Footprint>> = tracks.iter().map(|track| track.footprints(self)).collect();
         let of_sweep = |sweep| self.claimed_in(sweep, &tracks, &boxes);
         let (bodies, of_point) = (0..self.seen.sweeps.len()).map(of_sweep).unzip();
-        Aligned { bodies, of_point }
+        Aligned { bodies, of_point, ..Aligned::default() }
     }
 
     /// The motions of the bodies at the time of a sweep, and the body of each of its points.

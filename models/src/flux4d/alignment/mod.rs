@@ -1,7 +1,7 @@
 //! Motion of rigid bodies between the sweeps of a snippet, from the points alone: no label, no network, no image.
 //!
-//! The paper's velocities start at zero and are learned in 30,000 steps. Here they may start at what the sweeps
-//! themselves show; a network then predicts the difference. What no sweep shows to move carries no velocity.
+//! The paper's velocities are learned from images alone in 30,000 steps. Here the motion that the sweeps themselves
+//! show teaches a network and counts before it.
 //!
 //! 1. A point moves by evidence where later or earlier rays passed through its place (`evidence`, `free_space`).
 //! 2. Such points of one sweep that are close to each other are a body (`bodies`, `groups`).

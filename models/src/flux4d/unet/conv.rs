@@ -3,6 +3,7 @@
 use burn::config::Config;
 use burn::module::{Module, Param};
 use burn::nn::{BatchNorm, BatchNormConfig};
+use burn::tensor::module::batch_norm_train;
 use burn::tensor::{DType, Device, Tensor, TensorData};
 use gs_burn::ops::sparse_conv::{KernelMap, sparse_conv};
 
@@ -66,7 +67,7 @@ impl SparseConv {
 pub struct ConvNorm {
     /// The convolution.
     pub conv: SparseConv,
-    /// Batch norm of each column over all rows. In training by the rows' own statistics, otherwise by running ones.
+    /// Batch norm of each column over all rows, by their own statistics; running ones stay as they begin.
     pub norm: BatchNorm,
 }
 
@@ -86,7 +87,11 @@ impl ConvNorm {
     }
 }
 
-/// Batch norm of each column; no rows have no mean, and stay as they are.
+/// Batch norm of each column by the rows' own statistics, with gradients and without; no rows have no mean, and stay as
+/// they are.
 pub(super) fn normalised(norm: &BatchNorm, rows: Tensor<2>) -> Tensor<2> {
-    if rows.dims()[0] == 0 { rows } else { norm.forward(rows) }
+    match rows.dims()[0] {
+        0 => rows,
+        _ => batch_norm_train(rows, norm.gamma.val(), norm.beta.val(), norm.epsilon).output,
+    }
 }

@@ -181,8 +181,7 @@ impl SparseUnet {
     /// `[N, input]` features of points to `[N, output]`. Differentiable with respect to the features and all weights.
     ///
     /// A voxel takes the mean of its points. Without points there is nothing to differentiate: the result is `[0,
-    /// output]`, outside the graph. In training (on a device with gradients) batch norm takes the statistics of the
-    /// voxels of this call.
+    /// output]`, outside the graph. Batch norm takes the statistics of the voxels of this call.
     ///
     /// # Panics
     /// When the features are not those of the pyramid's points, or the pyramid has not one level more than the encoder.

@@ -5,7 +5,7 @@ use gs_base::Intrinsics;
 use gs_burn::Camera;
 use gs_burn::glam::DMat4;
 use gs_models::flux4d::losses::LossConfig;
-use gs_models::flux4d::{PolynomialMotion, ScaleLimits, SnippetFrame, TargetView};
+use gs_models::flux4d::{PolynomialMotion, ScaleLimits, ShownMotion, SnippetFrame, TargetView};
 use gs_tests::devices::{Place, reference};
 use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::Random;
@@ -16,8 +16,53 @@ const ROWS: usize = 6;
 fn frame(place: &Place) -> SnippetFrame {
     let motion = PolynomialMotion::new(1).expect("a degree");
     let times = place.tensor(&[0.0, 0.2, 0.4, 0.6, 0.8, 0.5], [ROWS]);
-    let start = Some(place.tensor(&[0.05; 6 * ROWS], [ROWS, 6]));
-    SnippetFrame { times, far: 1, limits: ScaleLimits::default(), motion, start, frame: 0.1 }
+    // Rows 1 and 3 are known to move, row 4 to rest, the far row as well; rows 0 and 2 are the network's.
+    let mut velocity = [0.0; 6 * ROWS];
+    [1, 3].into_iter().for_each(|row| velocity[6 * row..6 * (row + 1)].fill(0.05));
+    let shown = Some(ShownMotion {
+        velocity: place.tensor(&velocity, [ROWS, 6]),
+        is_known: place.tensor(&[0.0, 1.0, 0.0, 1.0, 1.0, 1.0], [ROWS, 1]),
+        weights: place.tensor(&[0.0, 4.0, 0.0, 4.0, 1.0, 0.0], [ROWS, 1]),
+    });
+    SnippetFrame { times, far: 1, limits: ScaleLimits::default(), motion, shown, frame: 0.1 }
+}
+
+/// What the sweeps show counts before the network, whose velocities are held to it and count elsewhere.
+#[test]
+fn the_sweeps_count_before_the_network_and_teach_it() {
+    let place = reference();
+    let (frame, velocity) = (frame(place), scene().1);
+    let used = values(&frame.velocity(place.tensor(&velocity, [ROWS, 6])));
+    for (row, (used, own)) in used.chunks(6).zip(velocity.chunks(6)).enumerate() {
+        match row {
+            0 | 2 => assert_eq!(used, own),
+            1 | 3 => assert_eq!(used, [0.05; 6]),
+            _ => assert_eq!(used, [0.0; 6]),
+        }
+    }
+    // Of the terms of velocities alone, those of a network that says what the sweeps show and rests elsewhere are zero,
+    // and each known row counts by its weight.
+    let views = [view(place, 0.5, 1)];
+    let (raw, photometric) =
+        (place.tensor(&scene().0, [ROWS, 14]), LossConfig { velocity: 0.0, shown: 0.0, ..LossConfig::default() });
+    let loss = |velocity: &[f64], config: &LossConfig| {
+        values(&frame.loss(raw.clone(), place.tensor(velocity, [ROWS, 6]), &views, config))[0]
+    };
+    let with = LossConfig { velocity: 1.0, shown: 1.0, ..photometric };
+    let mut said = used.clone();
+    [0, 2].into_iter().for_each(|row| said[6 * row..6 * (row + 1)].fill(0.0));
+    let terms = |velocity: &[f64]| loss(velocity, &with) - loss(velocity, &photometric);
+    assert!(terms(&said).abs() < 1e-12, "{}", terms(&said));
+    let mut one = said.clone();
+    one[6 * 3] += 2.0;
+    // Four of the weights' sum of nine, less the millimetre that makes the norm smooth.
+    assert!((terms(&one) - 2.0 * 4.0 / 9.0).abs() < 1e-3, "{}", terms(&one));
+    let mut free = said.clone();
+    free[0] = 3.0;
+    assert!((terms(&free) - 3.0 / 5.0).abs() < 1e-3, "the mean over five near rows: {}", terms(&free));
+    // Around velocities that were found, all rows may change.
+    let around = frame.around(place.tensor(&one, [ROWS, 6]));
+    assert_eq!(values(&around.velocity(place.tensor(&velocity, [ROWS, 6]))), velocity);
 }
 
 /// Raw channels of wide Gaussians in front of the camera, and slow velocities.

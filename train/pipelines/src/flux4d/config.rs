@@ -105,11 +105,11 @@ choice! {
 }
 
 choice! {
-    /// First velocities.
+    /// Velocities beside those of the network.
     pub enum VelocityChoice {
-        /// None (the paper): the network learns all of them.
+        /// None (the paper).
         Zero,
-        /// Velocities that bring the points of a sweep onto those of the others; the network predicts the difference.
+        /// Motion and rest that the sweeps show of points: they teach the network, whose velocities count elsewhere.
         Aligned,
     }
 }
@@ -143,7 +143,7 @@ section! {
         random_points: usize = 0, in ..=POINTS_MAX;
         /// First orientations.
         rotations: RotationChoice = RotationChoice::Identity;
-        /// First velocities.
+        /// Velocities beside those of the network.
         velocity: VelocityChoice = VelocityChoice::Aligned;
     }
 }
@@ -203,9 +203,11 @@ section! {
         target_views: usize = 2;
         /// Weight of the LiDAR's depth, one over metres; 0: none.
         depth: f64 = LossConfig::default().depth, in NOT_NEGATIVE;
-        /// Weight of the mean speed, windows per metre; 0: none. Under `lift.velocity = "aligned"`, the speed of the
-        /// change from what the sweeps show counts.
+        /// Weight of the mean speed, windows per metre, of what neither moves nor rests by the sweeps; 0: none.
         velocity: f64 = LossConfig::default().velocity, in NOT_NEGATIVE;
+        /// Weight of the mean difference of the network's velocities from those that the sweeps show, windows per
+        /// metre, under `lift.velocity = "aligned"`.
+        shown: f64 = LossConfig::default().shown, in NOT_NEGATIVE;
         /// Largest image velocity of the reweighting, pixels per frame; 0: no reweighting.
         reweight_clip: f64 = LossConfig::default().reweight_clip, in NOT_NEGATIVE;
     }
@@ -286,8 +288,8 @@ impl FluxConfig {
 
     /// The weights of the loss.
     pub fn loss(&self) -> LossConfig {
-        let SupervisionConfig { depth, velocity, reweight_clip, .. } = self.own.supervision;
-        LossConfig { depth, velocity, reweight_clip, ..LossConfig::default() }
+        let SupervisionConfig { depth, velocity, shown, reweight_clip, .. } = self.own.supervision;
+        LossConfig { depth, velocity, shown, reweight_clip, ..LossConfig::default() }
     }
 
     /// The settings of the refinement.

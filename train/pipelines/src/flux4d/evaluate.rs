@@ -10,12 +10,13 @@ use gs_burn::{Camera, Gaussians};
 use gs_driving::DrivingLog;
 use gs_models::DynamicScene;
 use gs_models::flux4d::actors::{ActorConfig, find_actors};
+use gs_models::flux4d::losses::COVERED;
 use gs_models::flux4d::scene::REST_SPEED;
 
 use super::config::FluxConfig;
 use super::feed::prepared;
 use super::host_view::HostView;
-use super::infer::{Inferred, Ready, infer};
+use super::infer::{Inferred, infer};
 use super::label_scores::LabelScores;
 use super::logs::{Logs, Place};
 use super::moving;
@@ -79,6 +80,7 @@ struct Sums {
     seconds: Vec<[f64; 2]>,
     gaussians: Vec<usize>,
     moving_share: Vec<f64>,
+    depth: DepthErrors,
     skipped: usize,
     scene: Option<(Gaussians, DVec3)>,
     viewed: Option<PresentedScene>,
@@ -99,7 +101,6 @@ struct Baselines {
 /// # Errors
 /// When no snippet of the split can be used.
 pub fn measure(network: &FluxNetwork, split: &Split, config: &FluxConfig, device: &Device) -> Result<Measurement> {
-    let ready = Ready::new(network);
     let views = split.places.iter().map(|place| place.snippet.targets.len()).sum::<usize>();
     let kept = (split.pictures > 0).then(|| views.div_ceil(split.pictures).max(1));
     let (evaluator, clustering) = (Evaluator::new(&config.eval, device), config.own.actors.config());
@@ -109,7 +110,7 @@ pub fn measure(network: &FluxNetwork, split: &Split, config: &FluxConfig, device
         let log = &split.logs.logs[place.log];
         // Held-out snippets are read once for each measurement and not kept.
         let inferred = prepared(split.logs, place, config).and_then(|host| {
-            let inferred = infer(&ready, &host, log, config, device).map_err(|error| one_sentence(&error))?;
+            let inferred = infer(network, &host, log, config, device).map_err(|error| one_sentence(&error))?;
             Ok((host, inferred))
         });
         match inferred {
@@ -166,7 +167,9 @@ impl Measuring<'_> {
         self.sums.baselines.lifted.push(psnr(lifted.clone(), truth.clone()));
         self.sums.baselines.still.push(psnr(still.clone(), truth.clone()));
         let mut regions = BTreeMap::new();
-        if let Some(mask) = moving::mask(log, host, view)? {
+        let mask = moving::mask(log, host, view)?;
+        self.sums.depth.add(inferred, (&camera, view), mask.as_deref());
+        if let Some(mask) = mask {
             let mask = image_tensor(&mask, [view.image.height, view.image.width, 1], &device);
             self.sums.baselines.lifted_moving.push(psnr_masked(lifted.clone(), truth.clone(), mask.clone()));
             self.sums.baselines.still_moving.push(psnr_masked(still, truth.clone(), mask.clone()));
@@ -186,6 +189,7 @@ impl Measuring<'_> {
     fn finish(self, name: &str) -> Measurement {
         let quality = self.evaluator.summary(self.sums.views.clone(), "photo");
         let mut figures = self.sums.baselines.figures(quality.mean.psnr, quality.moving().map(|scores| scores.psnr));
+        figures.extend(self.sums.depth.figures());
         figures.extend(self.sums.labels.figures());
         figures.extend(self.cost_figures());
         let gaussians = self.sums.gaussians.iter().max().copied().unwrap_or(0);
@@ -210,6 +214,40 @@ impl Measuring<'_> {
         figures.push(Figure::new("snippets", "snippets measured", self.sums.seconds.len() as f64, ""));
         figures.push(Figure::new("snippets_skipped", "snippets that could not be used", self.sums.skipped as f64, ""));
         figures
+    }
+}
+
+/// Squared errors of rendered depth over the pixels with LiDAR between the inputs that the Gaussians cover, square
+/// metres: sums and counts.
+#[derive(Default)]
+struct DepthErrors {
+    all: (f64, usize),
+    moving: (f64, usize),
+}
+
+impl DepthErrors {
+    /// Adds a view; `mask` is 255 where it moves.
+    fn add(&mut self, inferred: &Inferred, (camera, view): (&Camera, &HostView), mask: Option<&[u8]>) {
+        let frame = &inferred.sample.frame;
+        let rendering = frame.render(inferred.raw.clone(), inferred.velocity.clone(), (camera, view.time), false);
+        let (Some(depth), alpha) = (rendering.expected_depth().map(to_host), to_host(rendering.alpha)) else { return };
+        let seen = |pixel: &usize| view.depth[*pixel] > 0.0 && f64::from(alpha[*pixel]) > COVERED;
+        for pixel in (0..view.depth.len()).filter(seen) {
+            let squared = f64::from(depth[pixel] - view.depth[pixel]).powi(2);
+            self.all = (self.all.0 + squared, self.all.1 + 1);
+            if mask.is_some_and(|mask| mask[pixel] == 255) {
+                self.moving = (self.moving.0 + squared, self.moving.1 + 1);
+            }
+        }
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        let root = |key: &str, name: &str, (sum, count): (f64, usize)| {
+            let value = (count > 0).then(|| (sum / count as f64).sqrt())?;
+            Some(Figure::new(key, name, value, "m").digits(2).better(Better::Lower))
+        };
+        let all = root("depth_rmse", "depth RMSE", self.all);
+        all.into_iter().chain(root("depth_rmse_moving", "depth RMSE, moving parts", self.moving)).collect()
     }
 }
 

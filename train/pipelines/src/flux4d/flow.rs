@@ -27,6 +27,9 @@ pub struct FlowScores {
     resting_speed: Mean,
     /// Error of predicting no motion, over the moving points.
     still: Mean,
+    /// Squared errors of velocities over all points and over the moving ones.
+    squared: Mean,
+    squared_moving: Mean,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -157,8 +160,11 @@ impl FlowScores {
         self.buckets.add(&frame)?;
         for (predicted, truth) in predicted.iter().zip(truth) {
             let error = norm([0, 1, 2].map(|axis| predicted[axis] - truth[axis]));
+            let squared = (error / FLOW_INTERVAL).powi(2);
+            self.squared.add(squared);
             match norm(*truth) >= f64::from(MOVING) {
                 true => {
+                    self.squared_moving.add(squared);
                     self.moving.add(error);
                     self.still.add(norm(*truth));
                 }
@@ -180,6 +186,9 @@ impl FlowScores {
         let share = |key: &str, name: &str, value: Option<f64>| {
             value.map(|value| Figure::new(key, name, value, "").digits(3).better(Better::Higher))
         };
+        let root = |key: &str, name: &str, squared: Mean| {
+            squared.value().map(|mean| Figure::new(key, name, mean.sqrt(), "m/s").digits(3).better(Better::Lower))
+        };
         let still = self.still.value().map_or(String::new(), |still| format!("{still:.3} m without any motion"));
         let angle = points.angle_moving.map(|x| Figure::new("angle_moving", "angle, above 0.1 m", x, "rad").digits(3));
         let found = [
@@ -197,6 +206,8 @@ impl FlowScores {
             share("acc5_absolute", "Acc5, absolute", points.acc5_absolute),
             share("acc10_absolute", "Acc10, absolute", points.acc10_absolute),
             angle,
+            root("velocity_rmse", "velocity RMSE", self.squared),
+            root("velocity_rmse_moving", "velocity RMSE, moving", self.squared_moving),
             metres("epe_bs", "EPE, resting background", three.points.bs),
             metres("epe_fs", "EPE, resting foreground", three.points.fs),
             metres("epe_fd", "EPE, moving foreground", three.points.fd),

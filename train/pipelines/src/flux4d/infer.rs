@@ -3,7 +3,6 @@
 use std::time::Instant;
 
 use anyhow::{Result, anyhow};
-use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use gs_driving::DrivingLog;
 use gs_models::flux4d::FluxScene;
@@ -14,17 +13,6 @@ use super::network::FluxNetwork;
 use super::prepare::HostSnippet;
 use super::sample::{Sample, Supervision, target};
 use gs_train::fit::parameters::{from_host, to_host};
-
-/// A network as it is applied: on a device with autodiff, because the passes read gradients.
-#[derive(Debug, Clone)]
-pub struct Ready(FluxNetwork);
-
-impl Ready {
-    /// The network, which comes without autodiff.
-    pub fn new(network: &FluxNetwork) -> Self {
-        Self(network.clone().train())
-    }
-}
 
 /// A snippet after the passes of a network.
 #[derive(Debug, Clone)]
@@ -69,12 +57,13 @@ impl Inferred {
     }
 }
 
-/// Applies a network. The gradients of all input images are fed back, in training those of a few.
+/// Applies a network without autodiff: its passes read gradients of renderings and keep no graph of their own. The
+/// gradients of all input images are fed back, in training those of a few.
 ///
 /// # Errors
 /// A sentence: a point too far for the voxels, a loss that is not finite.
 pub fn infer(
-    ready: &Ready,
+    network: &FluxNetwork,
     host: &HostSnippet,
     log: &DrivingLog,
     config: &FluxConfig,
@@ -85,11 +74,13 @@ pub fn infer(
     let map_seconds = begun.elapsed().as_secs_f64();
     let begun = Instant::now();
     let inputs = host.inputs.iter().map(|view| target(log, view, device)).collect();
-    let supervision = Supervision { frame: &sample.frame, inputs, targets: Vec::new(), loss: config.loss() };
+    let supervision =
+        Supervision { frame: &sample.frame, inputs, targets: Vec::new(), host: Some(host), loss: config.loss() };
     let (raw, times) = (sample.lifted.raw.clone(), sample.lifted.times.clone());
-    let refined = ready.0.bound(&sample, config, |refinement| refinement.infer(raw, times, &supervision));
+    let refined = network.bound(&sample, config, |refinement| refinement.infer(raw, times, &supervision));
     let refined = refined.map_err(|error| anyhow!("snippet {}: {error}", host.name))?;
     let pass_seconds = begun.elapsed().as_secs_f64();
     drop(supervision);
-    Ok(Inferred { raw: refined.raw, velocity: refined.velocity, sample, map_seconds, pass_seconds })
+    let velocity = sample.frame.velocity(refined.velocity);
+    Ok(Inferred { raw: refined.raw, velocity, sample, map_seconds, pass_seconds })
 }

@@ -6,6 +6,7 @@ use gs_models::flux4d::unet::BYTES_PER_VOXEL;
 use super::config::{FarChoice, FluxConfig, LiftSection};
 use super::feed::in_flight;
 use super::logs::{Logs, Place};
+use super::start::RowMotion;
 use gs_train::run::memory::Prediction;
 
 /// Bytes that a Gaussian holds in a step: raw channels, activations, projected rows and their gradients, of one view at
@@ -18,9 +19,8 @@ const PROGRAM_BYTES: usize = 60 << 20;
 const COPIES_IN_A_STEP: usize = 5;
 /// Copies while a checkpoint is written: parameters and moments as they were taken off the device.
 const COPIES_IN_A_SAVE: usize = 3;
-/// Copies in a reconstruction: the checkpoint's bytes, the parameters, and gradients, which the passes compute beside
-/// those they read.
-const COPIES_IN_A_PASS: usize = 3;
+/// Copies in a reconstruction: the checkpoint's bytes and the parameters.
+const COPIES_IN_A_PASS: usize = 2;
 /// Bytes of a LiDAR point while its sweep is read (its file and each of its columns), and while the sweeps of a snippet
 /// are brought together, measured on PandaSet with one, two and three sweeps read at once.
 const BYTES_PER_POINT_READ: usize = 160;
@@ -77,7 +77,7 @@ impl Rows {
     /// A snippet on the host: 8-bit colours and depth of its images; 14 channels and a time; motion and input frame.
     fn snippet_bytes(self, log: &DrivingLog, snippet: &Snippet) -> usize {
         let pixels: usize = log.cameras().iter().map(|camera| camera.width * camera.height).sum();
-        7 * snippet.frames.len() * pixels + 60 * self.all() + 18 * self.points
+        7 * snippet.frames.len() * pixels + 60 * self.all() + (size_of::<RowMotion>() + size_of::<u16>()) * self.points
     }
 
     /// Bytes of the network and of the renderings of a step.

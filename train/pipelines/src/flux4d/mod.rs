@@ -13,10 +13,10 @@
 //! | [`sample`], [`network`] | a snippet on the device; the networks `f` and `r` |
 //! | [`trainer`] | a step, on one device or several |
 //! | [`train`](mod@train), [`observer`], [`saved`] | the run; what follows a step; checkpoints |
-//! | [`infer`](mod@infer) | the network applied |
+//! | [`infer`](mod@infer), [`confirm`] | the network applied; its motions held against the sweeps |
 //! | [`evaluate`], [`moving`] | figures of held-out images; the pixels that move |
 //! | [`label_scores`], [`flow`], [`actor_recall`] | figures of the flow and the actors against labels |
-//! | [`sweep_flow`](mod@sweep_flow) | scene flow of sweeps alone |
+//! | [`sweep_flow`](mod@sweep_flow), [`protocol`] | scene flow of sweeps alone; the points that are scored |
 //! | [`reconstruct`](mod@reconstruct), [`summary`] | a log to images, actors and Gaussians; the figures |
 //! | [`degrees`], [`actors_file`], [`world`] | degrees of velocities; the file of the actors; the axes of the world |
 //! | [`polish`](mod@polish) | the Gaussians of one snippet optimised after the network |
@@ -24,6 +24,7 @@
 pub mod actor_recall;
 pub mod actors_file;
 pub mod config;
+pub mod confirm;
 pub mod degrees;
 pub mod evaluate;
 pub mod feed;
@@ -39,6 +40,7 @@ pub mod observer;
 pub mod points;
 pub mod polish;
 pub mod prepare;
+pub mod protocol;
 pub mod recolour;
 pub mod reconstruct;
 pub mod sample;

@@ -8,7 +8,7 @@
 //! channel. The paper names none. Without them the head's first steps move Gaussians by metres.
 //!
 //! Batch norm takes the statistics of the snippet at hand, in training and later: a snippet has thousands of voxels,
-//! and running statistics of other logs would not be its own. So the networks always run on a device with autodiff.
+//! and running statistics of other logs would not be its own. Without autodiff a network keeps no graph.
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
@@ -18,7 +18,7 @@ use gs_models::flux4d::{Network, Refinement};
 use gs_models::mlp::{Mlp, MlpConfig};
 
 use super::config::{FarChoice, FluxConfig};
-use super::sample::{Sample, Start};
+use super::sample::Sample;
 use gs_train::fit::parameters::from_host;
 
 /// Factors of the 14 channels as the network reads them: positions over 25 m, scales, opacities and colours about 1.
@@ -31,8 +31,6 @@ const INPUT_MAX: f64 = 4.0;
 const OUTPUT: [f32; CHANNELS] = [0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
 /// Velocity for an output of 1, metres per window: a person walks at 1.5 m/s, a car drives at 10.
 const VELOCITY: f32 = 5.0;
-/// The same where the network adds to velocities that the sweeps show: those are off by a metre per second or less.
-const VELOCITY_BESIDE_START: f32 = 1.0;
 /// Hidden width of the network of far rows.
 const FAR_WIDTH: usize = 16;
 
@@ -78,9 +76,10 @@ impl FluxNetwork {
         run: impl FnOnce(Refinement<Bound<'_>, Bound<'_>>) -> T,
     ) -> T {
         let velocities = sample.frame.motion.columns();
-        let (far, start) = (sample.lifted.far, sample.start.as_ref());
+        let far = sample.lifted.far;
         let is_apart = config.own.unet.far == FarChoice::Apart;
-        let bind = |pass, velocities| Bound { pass, pyramid: &sample.pyramid, far, is_apart, velocities, start };
+        let is_tracked = self.first.unet.stem[0].conv.weight.val().device().is_autodiff();
+        let bind = |pass, velocities| Bound { pass, pyramid: &sample.pyramid, far, is_apart, is_tracked, velocities };
         let first = bind(&self.first, velocities);
         // With one pass `r` is never called.
         let next = bind(self.next.as_ref().unwrap_or(&self.first), 0);
@@ -97,10 +96,10 @@ pub struct Bound<'a> {
     far: usize,
     /// Whether far rows have a network of their own.
     is_apart: bool,
+    /// Whether its weights take gradients.
+    is_tracked: bool,
     /// Columns of the velocity; 0 for `r`.
     velocities: usize,
-    /// Velocities to which the network adds its own.
-    start: Option<&'a Start>,
 }
 
 impl Network for Bound<'_> {
@@ -111,7 +110,10 @@ impl Network for Bound<'_> {
         let near = rows - apart;
         let factors: Vec<f32> = INPUT.into_iter().chain(std::iter::repeat_n(1.0, columns - CHANNELS)).collect();
         let features = (features * from_host(factors, columns, &device)).clamp(-INPUT_MAX, INPUT_MAX);
-        let features = Tensor::cat(vec![features, times - 0.5], 1).autodiff();
+        let mut features = Tensor::cat(vec![features, times - 0.5], 1);
+        if self.is_tracked {
+            features = features.autodiff();
+        }
         let mut output = self.pass.unet.forward(features.clone().narrow(0, 0, near), self.pyramid);
         if apart > 0 {
             let far = self.pass.far.forward(features.narrow(0, near, apart));
@@ -123,11 +125,8 @@ impl Network for Bound<'_> {
         }
         let residual = output.clone().narrow(1, 0, CHANNELS) * from_host(OUTPUT.to_vec(), OUTPUT.len(), &device);
         let velocity = (self.velocities > 0).then(|| output.narrow(1, CHANNELS, self.velocities));
-        let velocity = velocity.map(|predicted| match self.start {
-            // Rows with a network of their own have zeros already.
-            None => resting(predicted * VELOCITY, self.far - apart),
-            Some(start) => predicted * VELOCITY_BESIDE_START * start.moves.clone() + start.velocity.clone(),
-        });
+        // Rows with a network of their own have zeros already.
+        let velocity = velocity.map(|predicted| resting(predicted * VELOCITY, self.far - apart));
         (residual, velocity)
     }
 }

@@ -19,17 +19,24 @@ pub struct Points {
     pub points: TimedPoints,
     /// The place of each point's input frame.
     pub row_frames: Vec<u16>,
-    /// The motion of each point; empty where velocities start at zero.
+    /// The motion of each point; empty where the sweeps are not asked for it.
     pub start: Vec<RowMotion>,
 }
 
-/// The resting or the moving points of one sweep, which stay apart when points are merged.
+/// The points of one sweep that rest, that move or of which neither is known; they stay apart when points are merged.
 struct SweepPart {
     /// The place of the sweep's input frame.
     frame: u16,
     points: TimedPoints,
-    /// The motions of the moving points.
-    motions: Option<Vec<RowMotion>>,
+    motion: PartMotion,
+}
+
+/// The motion of the points of a part.
+enum PartMotion {
+    /// The same for all.
+    Alike(RowMotion),
+    /// Of each.
+    Each(Vec<RowMotion>),
 }
 
 /// The input sweeps of a snippet in its axes.
@@ -62,21 +69,21 @@ impl Scan<'_> {
         let mut parts: Vec<SweepPart> =
             places.flat_map(|place| self.parts(place, inputs, motions.as_ref(), config.in_view)).collect();
         // Positions of moving points alone are looked up once more after the merge.
-        let take = |part: &mut SweepPart| match part.motions {
-            Some(_) => part.points.clone(),
-            None => std::mem::take(&mut part.points),
+        let take = |part: &mut SweepPart| match part.motion {
+            PartMotion::Each(_) => part.points.clone(),
+            PartMotion::Alike(_) => std::mem::take(&mut part.points),
         };
         let points = parts.iter_mut().map(take).collect();
         let thinned = merge_to_budget(points, &merge_config(inputs, config, &viewpoints(inputs, config)))?.parts;
         let mut all = Points::default();
         for (part, after) in parts.into_iter().zip(thinned) {
             all.row_frames.resize(all.row_frames.len() + after.points.len(), part.frame);
-            match part.motions {
-                Some(own) => all.start.extend(motions_of(&part.points.points, &own, &after.points)),
-                None if motions.is_some() => {
-                    all.start.resize(all.start.len() + after.points.len(), RowMotion::default());
+            match part.motion {
+                PartMotion::Each(own) => all.start.extend(motions_of(&part.points.points, &own, &after.points)),
+                PartMotion::Alike(all_alike) if motions.is_some() => {
+                    all.start.resize(all.start.len() + after.points.len(), all_alike);
                 }
-                None => {}
+                PartMotion::Alike(_) => {}
             }
             all.points.points.extend(after.points);
             all.points.times.extend(after.times);
@@ -85,7 +92,7 @@ impl Scan<'_> {
         Ok(all)
     }
 
-    /// The resting and the moving points of a sweep, of those that an input shows if only these are wanted.
+    /// The points of a sweep by what is known of their motion, of those that an input shows if only these are wanted.
     fn parts(&self, place: usize, inputs: &[Posed], motions: Option<&Motions>, in_view: bool) -> Vec<SweepPart> {
         let (sweep, frame) = (&self.sweeps[place], place as u16);
         let is_wanted =
@@ -93,12 +100,15 @@ impl Scan<'_> {
         let kept: Vec<usize> = (0..sweep.len()).into_par_iter().filter(is_wanted).collect();
         let own: Vec<&Posed> = inputs.iter().filter(|posed| posed.view.frame == self.frames[place]).collect();
         let part =
-            |kept: &[usize], motions| SweepPart { frame, points: coloured(sweep, kept, &own, self.window), motions };
-        let Some(motions) = motions else { return vec![part(&kept, None)] };
+            |kept: &[usize], motion| SweepPart { frame, points: coloured(sweep, kept, &own, self.window), motion };
+        let alike = |is_known| PartMotion::Alike(RowMotion { is_known, ..RowMotion::default() });
+        let Some(motions) = motions else { return vec![part(&kept, alike(false))] };
+        let (known, unknown): (Vec<usize>, Vec<usize>) =
+            kept.into_iter().partition(|index| motions.knows(place, *index));
         let (moving, resting): (Vec<usize>, Vec<usize>) =
-            kept.into_iter().partition(|index| motions.moves(place, *index));
+            known.into_iter().partition(|index| motions.moves(place, *index));
         let of_moving = moving.iter().map(|index| motions.of_point(place, *index, sweep.points[*index])).collect();
-        vec![part(&resting, None), part(&moving, Some(of_moving))]
+        vec![part(&resting, alike(true)), part(&unknown, alike(false)), part(&moving, PartMotion::Each(of_moving))]
     }
 }
 

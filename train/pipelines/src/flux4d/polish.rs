@@ -1,8 +1,8 @@
 //! Polish (`gsburn reconstruct --polish STEPS`, beyond the paper): Adam on the Gaussians and velocities of one snippet.
 //!
-//! The loss is that of the training over the snippet's input images: L1, SSIM, LiDAR depth, reweighting, mean speed.
-//! The frames between the inputs take no part; they are rendered before and after to say what the polish is worth. A
-//! row that carries no velocity by evidence carries none afterwards.
+//! The loss is that of the training over the snippet's input images: L1, SSIM, LiDAR depth, reweighting, and the
+//! difference from the velocities that were found. The frames between the inputs take no part; they are rendered before
+//! and after to say what the polish is worth. A row that rests before it rests afterwards.
 
 use std::time::Instant;
 
@@ -11,8 +11,8 @@ use burn::tensor::{Device, Tensor};
 use gs_burn::NamedGradients;
 use gs_burn::adam::AdamRate;
 use gs_driving::DrivingLog;
-use gs_models::flux4d::TargetView;
 use gs_models::flux4d::channels::{CHANNELS, COLOR, OPACITY, POSITION, QUATERNION, SCALE};
+use gs_models::flux4d::{LossConfig, SnippetFrame, TargetView};
 use rand::seq::index;
 use serde::Serialize;
 
@@ -20,7 +20,7 @@ use super::config::FluxConfig;
 use super::evaluate::color;
 use super::infer::Inferred;
 use super::prepare::HostSnippet;
-use super::sample::{Sample, camera, photo, target};
+use super::sample::{camera, photo, target};
 use gs_train::fit::parameters::from_host;
 use gs_train::fit::random::{Purpose, stream};
 use gs_train::fit::schedule::exponential;
@@ -110,9 +110,13 @@ pub fn polish(
         return None;
     }
     let views: Vec<TargetView> = host.inputs.iter().map(|view| target(log, view, device)).collect();
+    let frame = inferred.sample.frame.around(inferred.velocity.clone());
+    // Velocities that were found are kept to, and not to rest.
+    let speed = if frame.shown.is_some() { 0.0 } else { config.loss().velocity };
+    let weights = LossConfig { velocity: speed, ..config.loss() };
     let of_inputs = |inferred: &Inferred| {
         let (raw, velocity) = (inferred.raw.clone(), inferred.velocity.clone());
-        inferred.sample.frame.loss(raw, velocity, &views, &config.loss()).into_scalar::<f64>()
+        frame.loss(raw, velocity, &views, &weights).into_scalar::<f64>()
     };
     let (loss, seen) = (of_inputs(inferred), psnr_between(inferred, host, log));
     let begun = Instant::now();
@@ -124,7 +128,7 @@ pub fn polish(
         let count = config.own.supervision.input_views.min(views.len());
         let mut random = stream(config.seed, Purpose::Polish, step as u64);
         let drawn = index::sample(&mut random, views.len(), count).into_iter().map(|place| views[place].clone());
-        let loss = polish.step(&inferred.sample, &drawn.collect::<Vec<_>>(), config);
+        let loss = polish.step(&frame, &drawn.collect::<Vec<_>>(), &weights);
         progress.step(step, loss as f32, None, &[("Gaussians", host.rows.times.len() as f64)]);
     }
     progress.finish();
@@ -154,14 +158,14 @@ struct Polish {
 impl Polish {
     fn new(inferred: &Inferred, steps: usize) -> Self {
         let training = Training::new(Parameters::new(&inferred.raw, &inferred.velocity));
-        Self { training, moves: moves(&inferred.sample), steps }
+        Self { training, moves: moves(inferred), steps }
     }
 
     /// One step over some input views; returns its loss. A step that is not finite changes nothing.
-    fn step(&mut self, sample: &Sample, views: &[TargetView], config: &FluxConfig) -> f64 {
+    fn step(&mut self, frame: &SnippetFrame, views: &[TargetView], weights: &LossConfig) -> f64 {
         self.training.step += 1;
         let tracked = self.training.module().clone().train();
-        let loss = sample.frame.loss(tracked.raw(), tracked.velocity.val(), views, &config.loss());
+        let loss = frame.loss(tracked.raw(), tracked.velocity.val(), views, weights);
         let value: f64 = loss.clone().inner().into_scalar();
         let mut graph = loss.backward();
         let mut gradients = NamedGradients::take(&tracked, &mut graph);
@@ -182,11 +186,11 @@ impl Polish {
     }
 }
 
-/// `[N, 1]`, 1 for the rows that may move: those that the sweeps show to, or all but far ones where velocities start at
-/// zero.
-fn moves(sample: &Sample) -> Tensor<2> {
-    if let Some(start) = &sample.start {
-        return start.moves.clone();
+/// `[N, 1]`, 1 for the rows that may move: those of a velocity, or all but far ones where the network alone was asked.
+fn moves(inferred: &Inferred) -> Tensor<2> {
+    let sample = &inferred.sample;
+    if sample.frame.shown.is_some() {
+        return inferred.velocity.clone().abs().max_dim(1).greater_elem(0.0).float();
     }
     let rows = sample.lifted.raw.dims()[0];
     let near = rows - sample.lifted.far;

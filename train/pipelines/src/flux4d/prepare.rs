@@ -31,13 +31,15 @@ pub struct HostSnippet {
     pub to_world: DMat4,
     /// First and last time of the inputs, seconds.
     pub window: [f64; 2],
+    /// The time of each input frame in the window.
+    pub times: Vec<f64>,
     /// Time between two frames, seconds.
     pub interval: f64,
     /// The first Gaussians; far rows last.
     pub rows: LiftedRows,
     /// The place of the input frame of each row that is not far, in the snippet.
     pub row_frames: Vec<u16>,
-    /// The motion that the sweeps themselves show of each row that is not far; empty where velocities start at zero.
+    /// The motion that the sweeps themselves show of each row that is not far; empty where they are not asked.
     pub start: Vec<RowMotion>,
     /// Images of the inputs.
     pub inputs: Vec<HostView>,
@@ -129,11 +131,13 @@ pub fn prepare(
     views.for_each(|view| view.time = (view.seconds - begin) / (end - begin));
     let (name, frames, interval) = (name.to_string(), snippet.clone(), interval(log, snippet));
     let blank = reader.blank;
+    let times = snippet.inputs.iter().map(|frame| (log.frames()[*frame].time - begin) / (end - begin)).collect();
     Ok(HostSnippet {
         name,
         frames,
         to_world,
         window,
+        times,
         interval,
         rows,
         row_frames,

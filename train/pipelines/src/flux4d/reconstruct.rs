@@ -16,7 +16,7 @@ use gs_models::flux4d::scene::REST_SPEED;
 use super::actors_file::ActorList;
 use super::degrees::{Degrees, choose_degrees};
 use super::host_view::HostView;
-use super::infer::{Ready, infer};
+use super::infer::infer;
 use super::label_scores::LabelScores;
 use super::logs::{MIN_FRAMES, open, snippets, times, warn};
 use super::memory::of_reconstruction;
@@ -49,7 +49,6 @@ struct Reconstructor<'a> {
     saved: &'a SavedNetwork,
     /// The folder of the files until all are there.
     folder: PathBuf,
-    ready: Ready,
     log: DrivingLog,
     script: Option<EditScript>,
     done: Done,
@@ -86,9 +85,8 @@ pub fn reconstruct(saved: &SavedNetwork, request: &Reconstruction) -> Result<Vec
     let memory = of_reconstruction(&saved.config, &log, parameters(&saved.network), &list);
     progress::say(&format!("{}: {}; memory expected: {memory}", log.name(), counted(list.len(), "snippet")), false);
     let results = Results::begin(request.out, SUMMARY)?;
-    let ready = Ready::new(&saved.network);
     let mut reconstructor =
-        Reconstructor { request, saved, folder: results.folder(), ready, log, script, done: Done::default() };
+        Reconstructor { request, saved, folder: results.folder(), log, script, done: Done::default() };
     let mut done = 0;
     while done < list.len() && !interrupt::asked() {
         reconstructor.snippet(&list, done)?;
@@ -141,7 +139,7 @@ impl Reconstructor<'_> {
         let config = &self.saved.config;
         let host = prepare(&self.log, snippet, &name, &config.own.lift, config.seed)?;
         self.done.seconds.read_and_lift += begun.elapsed().as_secs_f64();
-        let mut inferred = infer(&self.ready, &host, &self.log, config, self.request.device)?;
+        let mut inferred = infer(&self.saved.network, &host, &self.log, config, self.request.device)?;
         self.done.seconds.maps += inferred.map_seconds;
         self.done.seconds.passes += inferred.pass_seconds;
         let polished = polish(&mut inferred, &host, &self.log, config, self.request.polish, self.request.device);

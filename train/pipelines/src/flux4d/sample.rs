@@ -6,12 +6,13 @@ use gs_burn::Camera;
 use gs_driving::DrivingLog;
 use gs_models::flux4d::refinement::Term;
 use gs_models::flux4d::unet::VoxelPyramid;
-use gs_models::flux4d::{Lifted, LossConfig, Objective, PolynomialMotion, SnippetFrame, TargetView};
+use gs_models::flux4d::{Lifted, LossConfig, Objective, PolynomialMotion, ShownMotion, SnippetFrame, TargetView};
 
 use super::config::{FarChoice, FluxConfig};
-
+use super::confirm::settled;
 use super::host_view::HostView;
 use super::prepare::HostSnippet;
+use super::start::RowMotion;
 use gs_train::fit::parameters::from_host;
 use gs_train::fit::photos::image_tensor;
 
@@ -27,30 +28,23 @@ pub struct Sample {
     pub pyramid: VoxelPyramid,
     /// The part of the snippet that no network changes.
     pub frame: SnippetFrame,
-    /// The velocities that the sweeps show; `None` where they start at zero.
-    pub start: Option<Start>,
 }
 
-/// Velocities before any network.
-#[derive(Debug, Clone)]
-pub struct Start {
-    /// `[N, 3 (l + 1)]`, metres per window.
-    pub velocity: Tensor<2>,
-    /// `[N, 1]`, 1 for the rows that move and 0 for those that carry no velocity.
-    pub moves: Tensor<2>,
-}
-
-impl Start {
-    fn new(host: &HostSnippet, motion: PolynomialMotion, device: &Device) -> Self {
-        let rows = host.rows.times.len();
-        let mut velocity: Vec<f32> =
-            host.start.iter().zip(&host.rows.times).flat_map(|(row, time)| row.coefficients(motion, *time)).collect();
-        let mut moves: Vec<f32> = host.start.iter().map(|row| if row.moves() { 1.0 } else { 0.0 }).collect();
-        // Far rows rest.
-        velocity.resize(rows * motion.columns(), 0.0);
-        moves.resize(rows, 0.0);
-        Self { velocity: from_host(velocity, motion.columns(), device), moves: from_host(moves, 1, device) }
-    }
+/// The motion that the sweeps of a snippet show.
+fn shown(host: &HostSnippet, motion: PolynomialMotion, device: &Device) -> ShownMotion {
+    let rows = host.rows.times.len();
+    let mut velocity: Vec<f32> =
+        host.start.iter().zip(&host.rows.times).flat_map(|(row, time)| row.coefficients(motion, *time)).collect();
+    let column = |of_row: fn(&RowMotion) -> f32, far: f32| {
+        let mut column: Vec<f32> = host.start.iter().map(of_row).collect();
+        column.resize(rows, far);
+        from_host(column, 1, device)
+    };
+    // Far rows rest, and no network predicts their motion.
+    let is_known = column(|row| if row.is_known { 1.0 } else { 0.0 }, 1.0);
+    let weights = column(RowMotion::weight, 0.0);
+    velocity.resize(rows * motion.columns(), 0.0);
+    ShownMotion { velocity: from_host(velocity, motion.columns(), device), is_known, weights }
 }
 
 impl Sample {
@@ -68,16 +62,16 @@ impl Sample {
         let pyramid = VoxelPyramid::of(&points, config.own.unet.voxel as f32, LEVELS, device)
             .map_err(|error| anyhow!("snippet {}: {error}", host.name))?;
         let motion = PolynomialMotion::new(config.own.unet.degree)?;
-        let start = (!host.start.is_empty()).then(|| Start::new(host, motion, device));
+        let shown = (!host.start.is_empty()).then(|| shown(host, motion, device));
         let frame = SnippetFrame {
             times: lifted.times.clone(),
             far: lifted.far,
             limits: lifted.limits,
             motion,
-            start: start.as_ref().map(|start| start.velocity.clone()),
+            shown,
             frame: host.interval / (host.window[1] - host.window[0]),
         };
-        Ok(Self { lifted, pyramid, frame, start })
+        Ok(Self { lifted, pyramid, frame })
     }
 
     /// No velocities, `[N, 3 (l + 1)]`.
@@ -118,6 +112,8 @@ pub struct Supervision<'a> {
     pub inputs: Vec<TargetView>,
     /// Views between them; none at inference.
     pub targets: Vec<TargetView>,
+    /// At inference the snippet against whose sweeps a network's velocities are held.
+    pub host: Option<&'a HostSnippet>,
     /// Weights.
     pub loss: LossConfig,
 }
@@ -131,12 +127,19 @@ impl Objective for Supervision<'_> {
         self.targets.len()
     }
 
+    fn settled(&self, predicted: Tensor<2>) -> Tensor<2> {
+        match self.host {
+            Some(host) => settled(host, self.frame, predicted),
+            None => predicted,
+        }
+    }
+
     fn term(&self, term: Term, raw: Tensor<2>, velocity: Tensor<2>) -> Tensor<1> {
         match term {
             Term::FedBack(view) => self.frame.term(raw, velocity, (&self.inputs, view), &self.loss),
             Term::HeldOut(view) => {
-                // The mean speed is in the loss of the inputs already.
-                let loss = LossConfig { velocity: 0.0, ..self.loss };
+                // The terms of velocities are in the loss of the inputs already.
+                let loss = LossConfig { velocity: 0.0, shown: 0.0, ..self.loss };
                 self.frame.term(raw, velocity, (&self.targets, view), &loss)
             }
         }

@@ -1,4 +1,4 @@
-//! The velocities that rows start with: what the sweeps of a snippet themselves show (`lift.velocity = "aligned"`).
+//! The motion of rows that the sweeps of a snippet themselves show (`lift.velocity = "aligned"`).
 
 use std::collections::BTreeMap;
 
@@ -15,12 +15,27 @@ pub struct RowMotion {
     pub velocity: [f32; 2],
     /// Metres per squared window.
     pub acceleration: [f32; 2],
+    /// Whether the sweeps show it.
+    pub is_known: bool,
 }
+
+/// Weight of a row that moves among those of known motion, where one that rests has 1: nearly all rows rest, and a
+/// network that said so of all would be nearly right. With more weight, more of what rests would be said to move.
+const MOVING_WEIGHT: f32 = 4.0;
 
 impl RowMotion {
     /// Whether the row moves.
     pub fn moves(&self) -> bool {
         self.velocity != [0.0; 2]
+    }
+
+    /// The weight of the row in the difference from what the sweeps show.
+    pub fn weight(&self) -> f32 {
+        match (self.is_known, self.moves()) {
+            (false, _) => 0.0,
+            (true, true) => MOVING_WEIGHT,
+            (true, false) => 1.0,
+        }
     }
 
     /// The coefficients of Eq. 2, `v_0`, `v_1`, ..., of a row with the own time `time` (0 to 1).
@@ -82,6 +97,12 @@ impl SweepMotions {
         self.aligned.of_point[part][index].is_some()
     }
 
+    /// Whether the sweeps show how a point of a sweep moves.
+    pub fn knows(&self, sweep: usize, point: usize) -> bool {
+        let (part, index) = self.places[sweep][point];
+        self.aligned.is_known[part][index]
+    }
+
     /// Velocity and acceleration of a point of a sweep, metres and seconds; zero at rest.
     pub fn at(&self, sweep: usize, point: usize, position: [f32; 3]) -> ([f64; 2], [f64; 2]) {
         let (part, index) = self.places[sweep][point];
@@ -121,12 +142,18 @@ impl Motions {
         self.found.moves(sweep, point)
     }
 
+    /// Whether the sweeps show how a point of a sweep moves.
+    pub fn knows(&self, sweep: usize, point: usize) -> bool {
+        self.found.knows(sweep, point)
+    }
+
     /// The motion of a point at a position.
     pub fn of_point(&self, sweep: usize, point: usize, position: [f32; 3]) -> RowMotion {
         let (velocity, acceleration) = self.found.at(sweep, point, position);
         RowMotion {
             velocity: velocity.map(|v| (v * self.window) as f32),
             acceleration: acceleration.map(|a| (a * self.window * self.window) as f32),
+            is_known: true,
         }
     }
 }

@@ -13,7 +13,7 @@ use gs_driving::{DrivingLog, FLOW_INTERVAL, LogOptions, Sweep, gaps, runs};
 use gs_models::flux4d::fast_nsf::{FastNsfConfig, fit_flow};
 use serde::Serialize;
 
-use super::flow::{FlowOfSweep, FlowScores};
+use super::protocol::{Protocol, Scores};
 use super::start::SweepMotions;
 use gs_train::fit::figure::{Figure, FigureTable};
 use gs_train::run::interrupt;
@@ -35,6 +35,8 @@ pub struct SweepFlow<'a> {
     pub out: Option<&'a Path>,
     /// Sweeps that are looked at together, 2 or more.
     pub window: usize,
+    /// The points that are scored.
+    pub protocol: Protocol,
     /// Iterations of a fit of every pair of sweeps, instead of the search for bodies.
     pub fit: Option<usize>,
     /// Device of the fit.
@@ -80,7 +82,7 @@ pub fn sweep_flow(request: &SweepFlow) -> Result<Vec<String>> {
         bail!("{path}: expected 2 sweeps or more without a gap in the recording, found {found} in all");
     }
     let results = request.out.map(|out| Results::begin(out, SUMMARY)).transpose()?;
-    let (mut scores, mut seconds, mut sweeps, mut points) = (FlowScores::default(), 0.0, 0, 0);
+    let (mut scores, mut seconds, mut sweeps, mut points) = (Scores::new(request.protocol, &log)?, 0.0, 0, 0);
     for (window, new) in windows {
         if interrupt::asked() {
             bail!("interrupted; {sweeps} of {compared} sweeps are done");
@@ -94,9 +96,7 @@ pub fn sweep_flow(request: &SweepFlow) -> Result<Vec<String>> {
         };
         seconds += begun.elapsed().as_secs_f64();
         for found in found.iter().filter(|found| found.frame >= frames[new]) {
-            if let Some(labelled) = labelled(found) {
-                scores.add(&labelled)?;
-            }
+            scores.add(&log, found.frame, &found.sweep, &found.flow)?;
             if let Some(results) = &results {
                 let name = format!("{}.npy", log.frames()[found.frame].name);
                 write_npy(&results.folder().join(name), &found.flow)?;
@@ -187,14 +187,6 @@ fn by_fit(log: &DrivingLog, loaded: Vec<(usize, Sweep)>, iterations: usize, devi
         flows.push(fitted.flow.into_iter().map(|flow| flow.map(|x| x * scale)).collect::<Vec<_>>());
     }
     Ok(loaded.into_iter().zip(flows).map(|((frame, sweep), flow)| Found { frame, sweep, flow }).collect())
-}
-
-/// The points of a sweep whose flow is known.
-fn labelled(found: &Found) -> Option<FlowOfSweep> {
-    let labels = found.sweep.labels.as_ref()?;
-    let kept: Vec<usize> = (0..found.sweep.len()).filter(|index| labels.flow[*index].is_some()).collect();
-    let predicted = kept.iter().map(|index| found.flow[*index]).collect();
-    Some(FlowOfSweep::of(&found.sweep, labels, &kept, predicted))
 }
 
 fn lines(summary: &Summary, out: Option<&Path>) -> Vec<String> {

@@ -193,7 +193,7 @@ fn supervised<'a>(
     if targets > 0 && found.is_empty() {
         return Err(format!("snippet {}: expected a target image that shows something, found none", host.name));
     }
-    Ok(Supervision { frame: &sample.frame, inputs, targets: found, loss: config.loss() })
+    Ok(Supervision { frame: &sample.frame, inputs, targets: found, host: None, loss: config.loss() })
 }
 
 #[cfg(test)]

@@ -4,9 +4,9 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 
-use crate::cli::FlowArgs;
+use crate::cli::{FlowArgs, ScoredPoints};
 use crate::commands::{device, print};
-use gs_pipelines::{SweepFlow, sweep_flow};
+use gs_pipelines::{Protocol, SweepFlow, sweep_flow};
 
 /// Finds the scene flow of a driving log's sweeps.
 ///
@@ -17,6 +17,10 @@ pub fn run(args: &FlowArgs) -> Result<ExitCode> {
     let request = SweepFlow {
         log: &args.log,
         out: args.out.as_deref(),
+        protocol: match args.protocol {
+            ScoredPoints::All => Protocol::All,
+            ScoredPoints::Av2 => Protocol::Av2,
+        },
         window: usize::from(args.window),
         fit: args.fit.map(|iterations| iterations as usize),
         device: &device,

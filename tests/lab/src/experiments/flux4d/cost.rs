@@ -5,7 +5,7 @@ use std::time::Instant;
 use anyhow::Result;
 use gs_driving::Snippet;
 use gs_pipelines::flux4d::evaluate::color;
-use gs_pipelines::flux4d::infer::{Ready, infer};
+use gs_pipelines::flux4d::infer::infer;
 use gs_pipelines::flux4d::logs::open;
 use gs_pipelines::flux4d::prepare::prepare;
 use gs_pipelines::flux4d::sample::camera;
@@ -36,7 +36,6 @@ pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
     let path = lab.street(&lab.either(dense, street()))?;
     let log = open(&path, &saved.config.own.logs)?;
     let snippet = Snippet::new(0, gs_driving::INTERPOLATION_FRAMES);
-    let ready = Ready::new(&saved.network);
     let mut stages = STAGES.map(|_| Vec::new());
     let mut psnr = Vec::new();
     for budget in lab.either(&BUDGETS[..], &BUDGETS_QUICK[..]) {
@@ -46,7 +45,7 @@ pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {
         let begun = Instant::now();
         let host = prepare(&log, &snippet, "street", &config.own.lift, config.seed)?;
         let prepared = begun.elapsed().as_secs_f64();
-        let inferred = infer(&ready, &host, &log, &config, &lab.device)?;
+        let inferred = infer(&saved.network, &host, &log, &config, &lab.device)?;
         let begun = Instant::now();
         let view = &host.targets[0];
         let camera = camera(&log, view, &lab.device);

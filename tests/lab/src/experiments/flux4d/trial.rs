@@ -8,7 +8,7 @@ use anyhow::Result;
 use gs_driving::{DrivingLog, INTERPOLATION_FRAMES, Snippet};
 use gs_pipelines::flux4d::config::FluxConfig;
 use gs_pipelines::flux4d::evaluate::{Split, measure};
-use gs_pipelines::flux4d::infer::{Inferred, Ready, infer};
+use gs_pipelines::flux4d::infer::{Inferred, infer};
 use gs_pipelines::flux4d::logs::{Logs, open};
 use gs_pipelines::flux4d::network::FluxNetwork;
 use gs_pipelines::flux4d::prepare::{HostSnippet, prepare};
@@ -53,7 +53,7 @@ pub fn seen(lab: &Lab, street: &Path, SavedNetwork { network, config, .. }: &Sav
     let begun = Instant::now();
     let snippet = Snippet::new(0, INTERPOLATION_FRAMES);
     let host = prepare(&log, &snippet, "street", &config.own.lift, config.seed)?;
-    let inferred = infer(&Ready::new(network), &host, &log, config, &lab.device)?;
+    let inferred = infer(network, &host, &log, config, &lab.device)?;
     Ok(Seen { log, host, inferred, seconds: begun.elapsed().as_secs_f64() })
 }
 

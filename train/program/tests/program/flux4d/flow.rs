@@ -64,8 +64,42 @@ fn the_flow_of_sweeps_is_written_and_scored() {
     assert_eq!(arrays_in(&folder.join("flow")), ["00.npy", "01.npy", "02.npy", "03.npy"]);
     let fitted = succeeds(folder, &["flow", "streets/000", "--window", "2", "--fit", "2"]);
     assert!(fitted.contains("a fit of each pair") && fitted.contains("EPE3D, moving"), "{fitted}");
+    let refused = fails(folder, &["flow", "streets/000", "--protocol", "av2"]);
+    assert!(refused.contains("a log of Argoverse 2 with its map"), "{refused}");
     fs::remove_dir_all(&log).expect("a folder");
     assert!(fails(folder, &["flow", "streets/000"]).contains("streets/000"));
+}
+
+/// A log of Argoverse 2 whose 200 points lie from 8 to 28 m ahead: by its map the first 80 are ground, by all labels
+/// none is, and the last sweep has no next one.
+#[test]
+fn the_protocol_of_argoverse_leaves_ground_out() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let log = folder.join("log");
+    let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../datasets/driving/tests/fixtures/argoverse");
+    let sweep = |stamp: &str| format!("sensors/lidar/{stamp}.feather");
+    let tables =
+        ["annotations", "city_SE3_egovehicle", "calibration/egovehicle_SE3_sensor"].map(|t| format!("{t}.feather"));
+    for file in tables.into_iter().chain(["315966265259836000", "315966265359836000"].map(sweep)) {
+        fs::create_dir_all(log.join(&file).parent().expect("a folder")).expect("made");
+        fs::copy(fixture.join(&file), log.join(&file)).expect("copied");
+    }
+    let map = log.join("map");
+    fs::create_dir(&map).expect("made");
+    let row: [f32; 40] = std::array::from_fn(|x| if x < 16 { 61.3 } else { 55.0 });
+    gs_base::npy::write_npy(&map.join("0_ground_height_surface____PIT.npy"), &[row; 8]).expect("written");
+    let place = r#"{"R": [1.0, 0.0, 0.0, 1.0], "t": [-5000.0, 3004.0], "s": 1.0}"#;
+    fs::write(map.join("0___img_Sim2_city.json"), place).expect("written");
+    let scored = |arguments: &[&str]| {
+        let text = succeeds(folder, &[&["flow", "log"], arguments].concat());
+        let counts = text.lines().filter_map(|line| line.rsplit_once('|')?.1.trim().split_once(" / "));
+        let points = |(rest, moving): (&str, &str)| Some(rest.parse::<usize>().ok()? + moving.parse::<usize>().ok()?);
+        counts.filter_map(points).sum::<usize>()
+    };
+    // The box's 42 points of the last sweep have no flow, and 47 of the first sweep's move or rest with it.
+    assert!(scored(&[]) > 300);
+    assert_eq!(scored(&["--protocol", "av2"]), 120);
 }
 
 fn arrays_in(folder: &Path) -> Vec<String> {

@@ -9,7 +9,7 @@ use gs_models::flux4d::channels::{CHANNELS, OPACITY};
 use gs_pipelines::flux4d::config::FluxConfig;
 use gs_pipelines::flux4d::evaluate::color;
 use gs_pipelines::flux4d::host_view::HostView;
-use gs_pipelines::flux4d::infer::{Ready, infer};
+use gs_pipelines::flux4d::infer::infer;
 use gs_pipelines::flux4d::logs;
 use gs_pipelines::flux4d::network::FluxNetwork;
 use gs_pipelines::flux4d::polish::polish;
@@ -32,8 +32,8 @@ pub fn best_of_one_opacity(log: &Path, job: &Job) -> f64 {
     let (device, config) = (common::device(), FluxConfig::from_table(&job.config, "the test").expect("valid"));
     let log = logs::open(log, &config.own.logs).expect("a log");
     let host = prepare(&log, &Snippet::new(0, 11), "street", &config.own.lift, config.seed).expect("a snippet");
-    let ready = Ready::new(&FluxNetwork::new(&config, &device));
-    let inferred = infer(&ready, &host, &log, &config, &device).expect("applied");
+    let network = FluxNetwork::new(&config, &device);
+    let inferred = infer(&network, &host, &log, &config, &device).expect("applied");
     let psnr_with = |change: i32| {
         let (before, after) = (inferred.raw.clone().narrow(1, 0, OPACITY.start), OPACITY.end..CHANNELS);
         let opacity = inferred.raw.clone().narrow(1, OPACITY.start, OPACITY.len()) + 0.5 * f64::from(change);
@@ -165,8 +165,8 @@ fn a_polish_lowers_the_loss_of_the_inputs() {
     let config = FluxConfig::from_table(&config, "the test").expect("valid");
     let log = logs::open(&path, &config.own.logs).expect("a log");
     let host = prepare(&log, &Snippet::new(0, 11), "street", &config.own.lift, config.seed).expect("a snippet");
-    let ready = Ready::new(&FluxNetwork::new(&config, &device));
-    let mut inferred = infer(&ready, &host, &log, &config, &device).expect("applied");
+    let network = FluxNetwork::new(&config, &device);
+    let mut inferred = infer(&network, &host, &log, &config, &device).expect("applied");
     let before = inferred.clone();
     assert_eq!(polish(&mut inferred, &host, &log, &config, 0, &device), None);
     assert_eq!(inferred.raw.to_data(), before.raw.to_data());
