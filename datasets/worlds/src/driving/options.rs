@@ -4,7 +4,6 @@ use std::path::Path;
 
 use gs_datasets::DatasetError;
 
-use super::rig::LIDARS;
 use crate::ranges::check_ranges;
 
 /// Bodies that a street has beside its movers, whose paths meet during the first second.
@@ -91,7 +90,7 @@ impl StreetOptions {
             ("height", self.height, 16..=4096),
             ("beams", self.beams, 1..=128),
             ("columns", self.columns, 36..=3600),
-            ("lidars", self.lidars, 1..=LIDARS.len()),
+            ("lidars", self.lidars, 1..=2),
             ("subpixels", self.subpixels, 1..=4),
             ("movers", self.movers, 0..=60),
         ];

@@ -13,7 +13,7 @@ use super::street::Street;
 pub(super) const TURN: f64 = 0.1;
 
 /// The LiDARs in vehicle axes, metres: above and ahead of the pose, as measured on PandaSet.
-pub(super) const LIDARS: [DVec3; 2] = [DVec3::new(0.0, 0.8, 1.85), DVec3::new(0.0, 1.41, 1.55)];
+const LIDARS: [DVec3; 2] = [DVec3::new(0.0, 0.8, 1.85), DVec3::new(0.0, 1.41, 1.55)];
 
 /// Angle of view of a camera from left to right, radians.
 const ANGLE_X: f64 = 1.25;

@@ -16,15 +16,15 @@ const SOURCE_LINES: [(&str, usize); 14] = [
     ("datasets/worlds", 4_700),
     ("gs-burn", 6_620),
     ("gs-kernels", 14_240),
-    ("models", 12_320),
+    ("models", 12_330),
     ("tests/lab", 6_050),
     ("train", 9_500),
-    ("train/pipelines", 13_045),
+    ("train/pipelines", 13_070),
     ("train/program", 8_910),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 38_195;
+const TEST_LINES: usize = 38_500;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [
