@@ -14,8 +14,8 @@ const MARGIN: f64 = 0.1;
 /// Height of the lowest part of a box that moves, metres, whose points have no known flow: boxes stand on the road and
 /// hold more of it than of tyres. The protocol of Argoverse 2 leaves out what is within 0.3 m of the ground.
 const ROAD: f64 = 0.15;
-/// Displacement in [`FLOW_INTERVAL`] from which on a box moves, metres (0.5 m/s; Argoverse 2).
-const MOVES: f64 = 0.05;
+/// Displacement in [`FLOW_INTERVAL`] from which on a point or a box moves, metres (0.5 m/s; Argoverse 2).
+pub const MOVING_FLOW: f64 = 0.05;
 
 /// The interval of flow, seconds.
 pub const FLOW_INTERVAL: f64 = 0.1;
@@ -105,7 +105,7 @@ fn of_boxes(sweep: &Sweep, boxes: &[Cuboid], next: Option<(&Boxed, f64)>) -> Lab
             let flow = scale * (after.world(before.local(point)) - point);
             let cuboid = order[*index];
             let is_low = cuboid.local(point).z < ROAD - 0.5 * cuboid.size.z;
-            (!is_low || flow.length() < MOVES).then(|| flow.as_vec3().to_array())
+            (!is_low || flow.length() < MOVING_FLOW).then(|| flow.as_vec3().to_array())
         }
     };
     Labels {
@@ -164,7 +164,7 @@ mod tests {
         assert!((labels.expect("labels").flow[0].expect("known")[0] - 1.2).abs() < 1e-6);
     }
 
-    /// What a box that moves holds of the road has no known flow; that of one that rests rests with it.
+    /// The road in a box that moves has no known flow; the road in one that rests, rests with it.
     #[test]
     fn the_road_under_a_car_does_not_move_with_it() {
         let mut sweep = sweep([0.0; 2], [0.0; 2]);

@@ -44,7 +44,7 @@ mod sweep;
 mod waymo;
 
 pub use argoverse::ground::MapGround;
-pub use boxes::FLOW_INTERVAL;
+pub use boxes::{FLOW_INTERVAL, MOVING_FLOW};
 pub use check::{DrivingReport, check};
 pub use description::{Camera, Frame, Shot};
 pub use log::{DrivingLog, LogFormat, logs_in};

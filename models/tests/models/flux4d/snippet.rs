@@ -27,7 +27,7 @@ fn frame(place: &Place) -> SnippetFrame {
     SnippetFrame { times, far: 1, limits: ScaleLimits::default(), motion, shown, frame: 0.1 }
 }
 
-/// What the sweeps show counts before the network, whose velocities are held to it and count elsewhere.
+/// The motion that the sweeps show counts before the network, whose velocities are held to it and count elsewhere.
 #[test]
 fn the_sweeps_count_before_the_network_and_teach_it() {
     let place = reference();

@@ -25,9 +25,12 @@ const NEARER: f64 = 0.03;
 /// The velocities `[N, 3 (l + 1)]` that count of those that a network predicts where the sweeps show none: a row rests
 /// that the network says to be slow, or whose motion the sweeps do not bear out.
 pub fn settled(host: &HostSnippet, frame: &SnippetFrame, predicted: Tensor<2>) -> Tensor<2> {
+    if frame.shown.is_none() {
+        return predicted;
+    }
     let (mut rows, columns) = (to_host(predicted.clone()), frame.motion.columns());
     // What is not finite is refused with the losses and the scene, and not taken for rest.
-    if frame.shown.is_none() || rows.iter().any(|value| !value.is_finite()) {
+    if rows.iter().any(|value| !value.is_finite()) {
         return predicted;
     }
     let slowest = SLOWEST * (host.window[1] - host.window[0]);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Result, bail};
 use burn::tensor::{Device, Tensor};
 use glam::DVec3;
-use gs_burn::{Camera, Gaussians};
+use gs_burn::{Camera, Gaussians, Rendering};
 use gs_driving::DrivingLog;
 use gs_models::DynamicScene;
 use gs_models::flux4d::actors::{ActorConfig, find_actors};
@@ -15,6 +15,7 @@ use gs_models::flux4d::scene::REST_SPEED;
 
 use super::config::FluxConfig;
 use super::feed::prepared;
+use super::flow::Mean;
 use super::host_view::HostView;
 use super::infer::{Inferred, infer};
 use super::label_scores::LabelScores;
@@ -160,7 +161,9 @@ impl Measuring<'_> {
     fn target(&mut self, log: &DrivingLog, host: &HostSnippet, view: &HostView, inferred: &Inferred) -> Result<()> {
         let device = inferred.raw.device();
         let (camera, truth, rest) = (camera(log, view, &device), photo(view, &device), inferred.sample.at_rest());
-        let ours = color(inferred, &inferred.raw, &inferred.velocity, (&camera, view.time));
+        let frame = &inferred.sample.frame;
+        let rendering = frame.render(inferred.raw.clone(), inferred.velocity.clone(), (&camera, view.time), false);
+        let ours = rendering.color.clone().clamp(0.0, 1.0);
         let lifted = color(inferred, &inferred.sample.lifted.raw, &rest, (&camera, view.time));
         let still = color(inferred, &inferred.raw, &rest, (&camera, view.time));
         let Some(whole) = self.evaluator.scores(ours.clone(), truth.clone(), None) else { return Ok(()) };
@@ -168,7 +171,7 @@ impl Measuring<'_> {
         self.sums.baselines.still.push(psnr(still.clone(), truth.clone()));
         let mut regions = BTreeMap::new();
         let mask = moving::mask(log, host, view)?;
-        self.sums.depth.add(inferred, (&camera, view), mask.as_deref());
+        self.sums.depth.add(&rendering, view, mask.as_deref());
         if let Some(mask) = mask {
             let mask = image_tensor(&mask, [view.image.height, view.image.width, 1], &device);
             self.sums.baselines.lifted_moving.push(psnr_masked(lifted.clone(), truth.clone(), mask.clone()));
@@ -218,33 +221,31 @@ impl Measuring<'_> {
 }
 
 /// Squared errors of rendered depth over the pixels with LiDAR between the inputs that the Gaussians cover, square
-/// metres: sums and counts.
+/// metres.
 #[derive(Default)]
 struct DepthErrors {
-    all: (f64, usize),
-    moving: (f64, usize),
+    all: Mean,
+    moving: Mean,
 }
 
 impl DepthErrors {
     /// Adds a view; `mask` is 255 where it moves.
-    fn add(&mut self, inferred: &Inferred, (camera, view): (&Camera, &HostView), mask: Option<&[u8]>) {
-        let frame = &inferred.sample.frame;
-        let rendering = frame.render(inferred.raw.clone(), inferred.velocity.clone(), (camera, view.time), false);
-        let (Some(depth), alpha) = (rendering.expected_depth().map(to_host), to_host(rendering.alpha)) else { return };
+    fn add(&mut self, rendering: &Rendering, view: &HostView, mask: Option<&[u8]>) {
+        let Some(depth) = rendering.expected_depth().map(to_host) else { return };
+        let alpha = to_host(rendering.alpha.clone());
         let seen = |pixel: &usize| view.depth[*pixel] > 0.0 && f64::from(alpha[*pixel]) > COVERED;
         for pixel in (0..view.depth.len()).filter(seen) {
             let squared = f64::from(depth[pixel] - view.depth[pixel]).powi(2);
-            self.all = (self.all.0 + squared, self.all.1 + 1);
+            self.all.add(squared);
             if mask.is_some_and(|mask| mask[pixel] == 255) {
-                self.moving = (self.moving.0 + squared, self.moving.1 + 1);
+                self.moving.add(squared);
             }
         }
     }
 
     fn figures(&self) -> Vec<Figure> {
-        let root = |key: &str, name: &str, (sum, count): (f64, usize)| {
-            let value = (count > 0).then(|| (sum / count as f64).sqrt())?;
-            Some(Figure::new(key, name, value, "m").digits(2).better(Better::Lower))
+        let root = |key: &str, name: &str, squared: Mean| {
+            squared.value().map(|mean| Figure::new(key, name, mean.sqrt(), "m").digits(2).better(Better::Lower))
         };
         let all = root("depth_rmse", "depth RMSE", self.all);
         all.into_iter().chain(root("depth_rmse_moving", "depth RMSE, moving parts", self.moving)).collect()

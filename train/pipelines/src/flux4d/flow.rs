@@ -32,19 +32,22 @@ pub struct FlowScores {
     squared_moving: Mean,
 }
 
+/// A mean of values as they come.
 #[derive(Debug, Clone, Copy, Default)]
-struct Mean {
+pub struct Mean {
     sum: f64,
     count: usize,
 }
 
 impl Mean {
-    fn add(&mut self, value: f64) {
+    /// Adds a value.
+    pub fn add(&mut self, value: f64) {
         self.sum += value;
         self.count += 1;
     }
 
-    fn value(self) -> Option<f64> {
+    /// The mean; `None` without values.
+    pub fn value(self) -> Option<f64> {
         (self.count > 0).then(|| self.sum / self.count as f64)
     }
 }

@@ -1,13 +1,13 @@
 //! The pixels of an image that move, by the truth of a synthetic log or by labelled LiDAR points.
 
 use anyhow::Result;
-use gs_driving::{DrivingLog, TruthImage, truth_image};
+use gs_driving::{DrivingLog, MOVING_FLOW, TruthImage, truth_image};
 
 use super::host_view::{HostView, Posed};
 use super::prepare::HostSnippet;
 
 /// Slowest motion that counts, metres in 0.1 s: the limit between static and dynamic of the flow labels.
-pub const MOVING: f32 = 0.05;
+pub const MOVING: f32 = MOVING_FLOW as f32;
 /// Pixels around a moving LiDAR point that count as moving: about the distance between neighbouring points of a car
 /// at 20 m.
 const AROUND: usize = 2;

@@ -104,9 +104,9 @@ impl Scan<'_> {
         let alike = |is_known| PartMotion::Alike(RowMotion { is_known, ..RowMotion::default() });
         let Some(motions) = motions else { return vec![part(&kept, alike(false))] };
         let (known, unknown): (Vec<usize>, Vec<usize>) =
-            kept.into_iter().partition(|index| motions.knows(place, *index));
+            kept.into_iter().partition(|index| motions.found.knows(place, *index));
         let (moving, resting): (Vec<usize>, Vec<usize>) =
-            known.into_iter().partition(|index| motions.moves(place, *index));
+            known.into_iter().partition(|index| motions.found.moves(place, *index));
         let of_moving = moving.iter().map(|index| motions.of_point(place, *index, sweep.points[*index])).collect();
         vec![part(&resting, alike(true)), part(&unknown, alike(false)), part(&moving, PartMotion::Each(of_moving))]
     }

@@ -119,7 +119,8 @@ struct Part {
 
 /// The motions of all points of a snippet.
 pub struct Motions {
-    found: SweepMotions,
+    /// In metres and seconds.
+    pub found: SweepMotions,
     /// Seconds.
     window: f64,
 }
@@ -135,16 +136,6 @@ impl Motions {
     ) -> Self {
         let _stage = gs_burn::profile::stage("alignment");
         Self { found: SweepMotions::of(log, frames.iter().copied().zip(sweeps), from_world), window: end - begin }
-    }
-
-    /// Whether a point of a sweep moves.
-    pub fn moves(&self, sweep: usize, point: usize) -> bool {
-        self.found.moves(sweep, point)
-    }
-
-    /// Whether the sweeps show how a point of a sweep moves.
-    pub fn knows(&self, sweep: usize, point: usize) -> bool {
-        self.found.knows(sweep, point)
     }
 
     /// The motion of a point at a position.
