@@ -35,25 +35,18 @@ pub(crate) struct Pixels {
 }
 
 impl Pixels {
-    /// The value at a position in pixels, bilinear; `None` outside.
-    fn at(&self, position: DVec2) -> Option<f32> {
-        let (x, y) = (position.x - 0.5, position.y - 0.5);
-        if !(x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f64 && y < (self.height - 1) as f64) {
-            return None;
-        }
-        let (column, row) = (x as usize, y as usize);
-        let (u, v) = ((x - column as f64) as f32, (y - row as f64) as f32);
-        let at = row * self.width + column;
-        let [a, b] = [&self.values[at..at + 2], &self.values[at + self.width..at + self.width + 2]];
-        Some((a[0] * (1.0 - u) + a[1] * u) * (1.0 - v) + (b[0] * (1.0 - u) + b[1] * u) * v)
-    }
-
-    /// The patch around a position, its pixels `spacing` apart; `None` where it leaves the photo.
+    /// The patch around a position, its pixels `spacing` apart, bilinear; `None` where it leaves the photo.
     fn patch(&self, position: DVec2, spacing: f64) -> Option<[f32; PATCH]> {
+        let columns = between(position.x, spacing, self.width)?;
+        let rows = between(position.y, spacing, self.height)?;
         let mut values = [0.0; PATCH];
-        let offsets = (-RADIUS..=RADIUS).flat_map(|y| (-RADIUS..=RADIUS).map(move |x| DVec2::new(x.into(), y.into())));
-        for (value, offset) in values.iter_mut().zip(offsets) {
-            *value = self.at(position + spacing * offset)?;
+        for (out, (row, v)) in values.chunks_exact_mut(SIDE).zip(rows) {
+            let above = &self.values[row * self.width..][..self.width];
+            let below = &self.values[(row + 1) * self.width..][..self.width];
+            for (value, (column, u)) in out.iter_mut().zip(columns) {
+                let across = |pixels: &[f32]| pixels[column] * (1.0 - u) + pixels[column + 1] * u;
+                *value = across(above) * (1.0 - v) + across(below) * v;
+            }
         }
         Some(values)
     }
@@ -87,6 +80,20 @@ impl Pixels {
         }
         Some(rows)
     }
+}
+
+/// Along one axis of a photo of `size` pixels: the pixel before each position of a patch around `middle`, and how far
+/// beyond its centre the position is; `None` where the patch leaves the photo.
+fn between(middle: f64, spacing: f64, size: usize) -> Option<[(usize, f32); SIDE]> {
+    let mut places = [(0, 0.0); SIDE];
+    for (place, offset) in places.iter_mut().zip(-RADIUS..=RADIUS) {
+        let at = middle + spacing * f64::from(offset) - 0.5;
+        if !(at >= 0.0 && at < size as f64 - 1.0) {
+            return None;
+        }
+        *place = (at as usize, (at - (at as usize) as f64) as f32);
+    }
+    Some(places)
 }
 
 /// A patch minus its mean, of length 1 (or 0, if it is even), and its former standard deviation.

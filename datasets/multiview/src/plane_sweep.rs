@@ -24,7 +24,7 @@ use crate::pixels::{color, counts};
 const WIDTH: usize = 320;
 
 /// The width where known points give the range. Patches span half as much, so that points are found where texture is
-/// fine, which is where Gaussians are needed: docs/results/static.md has what that gains over the other width.
+/// fine, which is where Gaussians are needed: 0.05 to 0.4 dB more than the other width after 700 steps, on four sets.
 const FINE_WIDTH: usize = 640;
 
 /// Most depths tried along a ray, evenly in their logarithm: over a factor of ten a step is 2.4 %.

@@ -1,12 +1,11 @@
 //! Small synthetic worlds with known ground truth, made by an analytic ray tracer.
 //!
 //! Nothing here is shared with the rasterizer that learns from these images, so a mistake in one cannot hide in the
-//! other. [`demo_scene`] writes a static data set in the Blender layout; [`deblur::write`] writes moving worlds with
+//! other. [`still::write`] writes a static data set in the Blender layout; [`deblur::write`] writes moving worlds with
 //! motion blur, their truth and the priors a deblurring pipeline starts from; [`extrapolation::write`] writes moving
 //! worlds whose future is to be predicted; [`driving::write`] writes logs of streets in the layout of PandaSet.
 
 pub mod deblur;
-mod demo;
 pub mod driving;
 pub mod extrapolation;
 mod film;
@@ -15,6 +14,5 @@ mod points;
 mod random;
 mod ranges;
 mod set;
+pub mod still;
 mod tracer;
-
-pub use demo::{DemoOptions, demo_scene};

@@ -26,7 +26,9 @@ use gs_pipelines::examples;
 pub use import::ImportArgs;
 pub use reconstruct::ReconstructArgs;
 pub use render::{ImageFormat, RenderArgs};
-pub use synth::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs};
+pub use synth::{
+    BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs, SynthStillArgs,
+};
 pub use view::{ViewArgs, WatchArgs};
 
 /// Gaussian splatting with Burn: posed photos or blurry video in, a scene you can render, measure and export out.

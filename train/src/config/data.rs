@@ -161,7 +161,7 @@ section! {
         /// Meaning of depth files.
         depth_kind: DepthChoice = DepthChoice::Auto;
         /// Share of the run in which photos have half their width (a quarter first, from 200 pixels on), for at most
-        /// 210 steps and from 400 pixels on. 0: never.
+        /// 70 steps and from 400 pixels on. 0: never.
         coarse_share: f64 = 0.07, in SHARE;
         /// Photos kept as floats, MB in all; the others are converted from 8 bits in each step.
         cache_mb: usize = 64;

@@ -27,8 +27,10 @@ choice! {
     }
 }
 
-/// Refinements of a run whose growth follows its length, at the least.
-const REFINEMENTS: usize = 20;
+/// Refinements until the count has reached the cap, in a run whose growth follows its length, and how many of them come
+/// before the first one that acts.
+const REFINEMENTS: usize = 9;
+const IDLE: usize = 2;
 
 section! {
     /// Options of all kinds of density control; steps count from 1. The section of a strategy that is not chosen has no
@@ -38,9 +40,10 @@ section! {
         strategy: Strategy = Strategy::Mcmc;
         /// Most Gaussians, about 1.2 kB each at SH degree 3.
         cap: usize = 100_000, in Only("from 1 to 2^30", |cap| (1..=1 << 30).contains(cap));
-        /// First step at which the count changes; a tenth of a short run.
+        /// First step at which the count changes; a tenth of a short run. Under `mcmc.full` the second refinement, if
+        /// that is earlier.
         start: usize = 500, in 1..;
-        /// Steps from one refinement to the next; fewer in a short run under `mcmc.full`, which refines twenty times.
+        /// Steps from one refinement to the next; under `mcmc.full` a ninth of those until the cap, if that is fewer.
         every: usize = 100, in 1..;
         /// Share of the run after which the count is fixed, so that the last Gaussians still converge.
         stop: f64 = 0.8, in SHARE;
@@ -61,9 +64,11 @@ section! {
     pub struct McmcConfig {
         /// Growth per refinement, a share of the count; the largest one under `full`.
         growth: f64 = 0.2, in NOT_NEGATIVE;
-        /// Share of the run after which the count has reached the cap; 0: by `growth` alone. Earlier: steps cost more.
-        /// Later: the last Gaussians have little time.
+        /// Share of the run after which the count has reached the cap, at most `full_steps`; 0: by `growth` alone.
+        /// Earlier: steps cost more. Later: the last Gaussians have little time.
         full: f64 = 0.45, in SHARE;
+        /// Most steps until the cap under `full`. More: a long run is cheaper, and behind a shorter one on the way.
+        full_steps: usize = 450, in 1..;
         /// Strength of the position noise of nearly dead Gaussians, in rates of the means. Few photos need less: none
         /// contradicts a Gaussian that has drifted away.
         noise: f64 = 5e5, in NOT_NEGATIVE;
@@ -92,9 +97,14 @@ impl DensityConfig {
     /// Steps from one refinement to the next in a run of `steps`.
     pub fn interval(&self, steps: usize) -> usize {
         match self.follows_run() {
-            true => self.every.min(steps / REFINEMENTS).max(1),
+            true => self.every.min(self.full_step(steps) / REFINEMENTS).max(1),
             false => self.every,
         }
+    }
+
+    /// The step of a run of `steps` by which the count is to have reached the cap, under `mcmc.full`.
+    fn full_step(&self, steps: usize) -> usize {
+        self.mcmc.full_steps.min((self.mcmc.full * steps as f64) as usize)
     }
 
     fn follows_run(&self) -> bool {
@@ -109,8 +119,7 @@ impl DensityConfig {
         let wanted = match self.follows_run() {
             true => {
                 // This refinement and those after it until the cap is to be reached.
-                let last = (self.mcmc.full * steps as f64) as usize;
-                let left = 1 + last.saturating_sub(step) / self.interval(steps);
+                let left = 1 + self.full_step(steps).saturating_sub(step) / self.interval(steps);
                 let factor = (self.cap as f64 / count.max(1) as f64).powf(1.0 / left as f64);
                 (count as f64 * factor).round().max(least).min(most)
             }
@@ -121,8 +130,8 @@ impl DensityConfig {
 
     /// Whether the count may change at `step` of a run of `steps`.
     pub fn active(&self, step: usize, steps: usize) -> bool {
-        let start = self.start.min(steps / 10).max(1);
-        step >= start && step < self.first_fixed(steps)
+        let soon = if self.follows_run() { IDLE * self.interval(steps) } else { usize::MAX };
+        step >= self.start.min(steps / 10).min(soon).max(1) && step < self.first_fixed(steps)
     }
 
     /// Whether the count becomes fixed at `step` of a run of `steps`.
@@ -157,14 +166,14 @@ mod tests {
     }
 
     #[test]
-    fn growth_reaches_the_cap_at_its_share_of_the_run() {
+    fn growth_reaches_the_cap_at_its_share_of_the_run_and_no_later_in_a_long_one() {
         let config = DensityConfig::default();
         for steps in [300, 1000, 3000, 7000, 30_000] {
             let counts = counts(&config, 55_000, steps);
             let full = counts.iter().position(|count| *count == config.cap).expect("the cap is reached");
-            let first = config.start.min(steps / 10).div_ceil(config.interval(steps));
-            let at = (first + full) as f64 * config.interval(steps) as f64 / steps as f64;
-            assert!((at - config.mcmc.full).abs() < 0.06, "{steps} steps: at {at}");
+            let at = (IDLE + full) * config.interval(steps);
+            let wanted = (config.mcmc.full * steps as f64).min(450.0);
+            assert!((at as f64 - wanted).abs() <= config.interval(steps) as f64, "{steps} steps: at {at}");
             assert!(counts.windows(2).all(|pair| pair[0] <= pair[1]));
         }
     }

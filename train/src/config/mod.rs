@@ -82,12 +82,13 @@ impl Config {
         let base = Self::default();
         Self {
             data: DataConfig { coarse_share: 0.0, ..base.data },
+            model: ModelConfig { sh_interval: 1000, ..base.model },
             init: InitConfig { dense_share: 0.0, ..base.init },
             density: DensityConfig {
                 mcmc: McmcConfig { growth: 0.05, full: 0.0, ..base.density.mcmc },
                 ..base.density
             },
-            optimiser: OptimiserConfig { short_run_factor: 1.0, decay_steps: 0, ..base.optimiser },
+            optimiser: OptimiserConfig { means_pixels: 0.0, short_run_factor: 1.0, decay_steps: 0, ..base.optimiser },
             ..base
         }
     }

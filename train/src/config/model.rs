@@ -13,7 +13,7 @@ section! {
         /// Highest degree of the view-dependent colour, 0 to 3; 48 numbers per Gaussian at 3, 3 at 0.
         sh_degree: usize = 3, in Only("0, 1, 2 or 3", |degree| *degree <= 3);
         /// Steps from one degree to the next; shorter in a short run.
-        sh_interval: usize = 1000, in 1..;
+        sh_interval: usize = 250, in 1..;
     }
 }
 

@@ -38,6 +38,9 @@ pub struct SceneFacts {
     pub background: [f32; 3],
     /// Median distance of the training cameras from the subject, scene units; `None` if their axes do not meet.
     pub subject_distance: Option<f64>,
+    /// Size of a photo's pixel at that distance, scene units, by the median focal length; `None` without one.
+    #[serde(default)]
+    pub pixel: Option<f64>,
 }
 
 impl SceneFacts {
@@ -56,13 +59,14 @@ impl SceneFacts {
                 loaded => loaded.color(),
             },
             subject_distance,
+            pixel: subject_distance.and_then(|distance| Some(distance / focal(&scene.train)?)),
         }
     }
 
     /// Facts of an unknown scene, from the configuration alone.
     pub fn unknown(config: &Config) -> Self {
         let near = if config.render.near > 0.0 { config.render.near } else { RenderOptions::default().near };
-        Self { extent: 1.0, near, background: config.data.background.color(), subject_distance: None }
+        Self { extent: 1.0, near, background: config.data.background.color(), subject_distance: None, pixel: None }
     }
 
     /// The options of a rendering at an SH degree.
@@ -89,6 +93,11 @@ impl SceneFacts {
             ("background", format!("{red:.3}, {green:.3}, {blue:.3}"), "data.background"),
         ]
     }
+}
+
+/// The median focal length of photos, pixels; `None` without a photo.
+fn focal(views: &[View]) -> Option<f64> {
+    gs_base::median(views.iter().map(|view| view.intrinsics.fx).collect())
 }
 
 fn near(distance: Option<f64>, share: Option<f64>) -> f64 {
@@ -195,6 +204,8 @@ mod tests {
         let found = SceneFacts::of(&ring(250), &config, Some(0.3), Unseen::MeanColor);
         assert!((found.near - 1.2).abs() < 1e-9, "{}", found.near);
         assert!((found.subject_distance.expect("the axes meet") - 4.0).abs() < 1e-9);
+        let focal = ring(250).train[0].intrinsics.fx;
+        assert!((found.pixel.expect("the axes meet") - 4.0 / focal).abs() < 1e-9);
         assert_eq!(found.background, [250.0 / 255.0; 3]);
         let plain = SceneFacts::of(&ring(0), &config, None, Unseen::MeanColor);
         assert!((plain.near - 0.01).abs() < 1e-9, "{}", plain.near);

@@ -95,6 +95,8 @@ struct FactBits {
     near: u64,
     background: [u32; 3],
     subject_distance: Option<u64>,
+    #[serde(default)]
+    pixel: Option<u64>,
 }
 
 impl FactBits {
@@ -104,6 +106,7 @@ impl FactBits {
             near: facts.near.to_bits(),
             background: facts.background.map(f32::to_bits),
             subject_distance: facts.subject_distance.map(f64::to_bits),
+            pixel: facts.pixel.map(f64::to_bits),
         }
     }
 }
@@ -124,6 +127,7 @@ impl Notes {
             near: f64::from_bits(self.facts.near),
             background: self.facts.background.map(f32::from_bits),
             subject_distance: self.facts.subject_distance.map(f64::from_bits),
+            pixel: self.facts.pixel.map(f64::from_bits),
         }
     }
 }

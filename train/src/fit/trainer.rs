@@ -251,7 +251,7 @@ impl<M: Method> Trainer<M> {
     /// One Adam update of the Gaussians, then of the method's tensors.
     fn update(&mut self, mut gradients: NamedGradients, at: &Step<M>) {
         let _stage = profile::whole_stage("Adam");
-        let rate = gaussian_rates(&at.config.optimiser, at.step, at.config.steps, at.facts.extent);
+        let rate = gaussian_rates(&at.config.optimiser, at.step, at.config.steps, at.facts);
         self.training.change(|Model { gaussians, method }, adam| {
             adam.advance();
             let gaussians = adam.update_under("gaussians", gaussians, &mut gradients, rate);
@@ -268,7 +268,8 @@ impl<M: Method> Trainer<M> {
             steps: config.steps,
             seed: config.seed,
             extent: self.facts.extent,
-            means_lr: means_lr(&config.optimiser, self.step, config.steps),
+            means_lr: means_lr(&config.optimiser, self.step, config.steps)
+                * (means_unit(&config.optimiser, &self.facts) / self.facts.extent),
             control: M::control(self.step, config),
         };
         let mut changes = Changes::default();
@@ -335,7 +336,13 @@ fn follow<M: Method>(method: M, rows: Option<&RowMap>, adam: &mut Adam) -> M {
     }
 }
 
-/// Learning rate of the means at `step` of `steps`, in scene extents.
+/// The unit of the rates of the means, scene units: the extent (3DGS), or that in which `means_lr` is `means_pixels`.
+fn means_unit(config: &OptimiserConfig, facts: &SceneFacts) -> f64 {
+    let pixel = facts.pixel.filter(|_| config.means_pixels > 0.0);
+    pixel.map_or(facts.extent, |pixel| config.means_pixels / config.means_lr * pixel)
+}
+
+/// Learning rate of the means at `step` of `steps`, in [`means_unit`]s.
 fn means_lr(config: &OptimiserConfig, step: usize, steps: usize) -> f64 {
     let falling = exponential(config.means_lr, config.means_lr_final, step, steps.max(config.decay_steps));
     falling * rate_factor(config.short_run_factor, steps)
@@ -344,17 +351,17 @@ fn means_lr(config: &OptimiserConfig, step: usize, steps: usize) -> f64 {
 /// The rate of the view-dependent colour (SH degrees 1 to 3) is this many times below the base colour's, as in 3DGS.
 const REST_SLOWER: f64 = 20.0;
 
-/// The rate of each group of the Gaussians at a step, by path; `extent` in scene units.
+/// The rate of each group of the Gaussians at a step, by path.
 fn gaussian_rates(
     config: &OptimiserConfig,
     step: usize,
     steps: usize,
-    extent: f64,
+    facts: &SceneFacts,
 ) -> impl Fn(&str) -> Option<AdamRate> {
     let sh_rest_lr = config.sh_lr / REST_SLOWER;
     let factor = rate_factor(config.short_run_factor, steps);
     let rates = Group::ALL.map(|group| match group {
-        Group::Means => AdamRate::new(means_lr(config, step, steps) * extent),
+        Group::Means => AdamRate::new(means_lr(config, step, steps) * means_unit(config, facts)),
         Group::Quats => AdamRate::new(factor * config.quats_lr),
         Group::LogScales => AdamRate::new(factor * config.scales_lr),
         Group::Opacity => AdamRate::new(factor * config.opacity_lr),
@@ -362,4 +369,25 @@ fn gaussian_rates(
         Group::Sh => AdamRate { first_columns: Some((3, factor * config.sh_lr)), ..AdamRate::new(factor * sh_rest_lr) },
     });
     move |path| Group::ALL.into_iter().find(|group| group.path() == path).map(|group| rates[group as usize])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rates of the means at the first step, scene units.
+    fn first(means_pixels: f64, steps: usize, pixel: Option<f64>) -> f64 {
+        let config = OptimiserConfig { means_pixels, ..OptimiserConfig::default() };
+        let facts = SceneFacts { extent: 5.0, pixel, ..SceneFacts::unknown(&Config::default()) };
+        let rates = gaussian_rates(&config, 1, steps, &facts);
+        rates(Group::Means.path()).expect("means have a rate").lr
+    }
+
+    #[test]
+    fn means_move_by_pixels_where_the_cameras_look_at_one_subject() {
+        assert!((first(0.06, 30_000, Some(0.004)) - 0.06 * 0.004).abs() < 1e-15);
+        assert!((first(0.06, 300, Some(0.004)) - 2.0 * 0.06 * 0.004).abs() < 1e-15, "a short run has twice the rate");
+        assert_eq!(first(0.06, 30_000, None), 1.6e-4 * 5.0);
+        assert_eq!(first(0.0, 30_000, Some(0.004)), 1.6e-4 * 5.0);
+    }
 }

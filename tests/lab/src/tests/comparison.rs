@@ -12,7 +12,7 @@ use gs_train::run::lock::Lock;
 use gs_train::run::outcome::Contents;
 use gs_train::run::watch::Job;
 use gs_train::sentence::one_sentence;
-use gs_worlds::{DemoOptions, demo_scene};
+use gs_worlds::still::{self, StillOptions};
 use gsburn::commands::train::train_and_report;
 use gsburn::report::comparison::gather;
 
@@ -33,8 +33,16 @@ fn fails(words: &[&str]) -> String {
 /// Writes a tiny static scene and returns its path.
 fn tiny_scene(folder: &Path) -> PathBuf {
     let path = folder.join("scene");
-    let options = DemoOptions { train_views: 5, test_views: 2, width: 40, height: 30, points: 150, seed: 1 };
-    demo_scene(&path, &options).expect("the scene is written");
+    let options = StillOptions {
+        train_views: 5,
+        test_views: 2,
+        width: 40,
+        height: 30,
+        points: 150,
+        seed: 1,
+        ..StillOptions::default()
+    };
+    still::write(&path, &options, |_, _| ()).expect("the scene is written");
     path
 }
 

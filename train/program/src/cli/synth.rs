@@ -6,6 +6,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser, Value
 use clap::{Args, Subcommand};
 use gs_worlds::deblur::{PriorFault, World};
 use gs_worlds::extrapolation::World as Extrapolated;
+use gs_worlds::still::World as Still;
 
 /// Arguments of `synth`.
 #[derive(Debug, Args)]
@@ -18,6 +19,8 @@ pub struct SynthArgs {
 /// The kinds of data sets that `synth` makes.
 #[derive(Debug, Subcommand)]
 pub enum Synth {
+    /// Photos of a still scene, transparent around it, in the layout of the Blender scenes
+    Still(SynthStillArgs),
     /// Motion-blurred multi-view video of a small world, ray traced, with sharp images, masks, depth, velocity and
     /// priors
     Deblur(SynthDeblurArgs),
@@ -29,6 +32,38 @@ pub enum Synth {
     Driving(SynthDrivingArgs),
     /// A blurry data set from a sharp one: consecutive frames of each camera averaged in linear light
     BlurFromFrames(BlurFromFramesArgs),
+}
+
+/// Arguments of `synth still`.
+#[derive(Debug, Args)]
+pub struct SynthStillArgs {
+    /// The scene
+    #[arg(value_parser = one_of(&Still::ALL, Still::name, Still::in_words))]
+    pub world: Still,
+
+    /// Folder to write
+    #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub out: PathBuf,
+
+    /// Image size, pixels
+    #[arg(long, default_value = "800x800", value_name = "WxH")]
+    pub size: String,
+
+    /// Photos to learn from
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
+    pub views: u32,
+
+    /// Photos held out
+    #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(0..=10_000), value_name = "N")]
+    pub held_out: u32,
+
+    /// Initial points, sampled on surfaces with noise; 0: none
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub points: usize,
+
+    /// Seed of textures and cameras
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    pub seed: u64,
 }
 
 /// Arguments of `synth deblur`.

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use anyhow::Result;
 use burn::tensor::Device;
 use gs_worlds::deblur::{self, DeblurOptions, World};
-use gs_worlds::{DemoOptions, demo_scene};
+use gs_worlds::still::{self, StillOptions};
 
 use gs_worlds::driving::{StreetOptions, write as street_log};
 
@@ -93,7 +93,7 @@ fn driving(args: &DemoArgs, device: &Device) -> Result<ExitCode> {
 
 fn make(dataset: &Path, args: &DemoArgs) -> Result<()> {
     if args.still {
-        demo_scene(dataset, &DemoOptions::default())?;
+        still::write(dataset, &StillOptions::default(), |_, _| ())?;
         print(format!("a synthetic scene is in {}; training on it takes a minute or two", dataset.display()));
         return Ok(());
     }

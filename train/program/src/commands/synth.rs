@@ -8,9 +8,12 @@ use gs_datasets::{BlurFromFrames, blur_from_frames};
 use gs_worlds::deblur::{self, DeblurOptions, PriorFaults};
 use gs_worlds::driving::StreetOptions;
 use gs_worlds::extrapolation::{self, ExtrapolationOptions, PriorErrors};
+use gs_worlds::still::{self, StillOptions};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::{BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs};
+use crate::cli::{
+    BlurFromFramesArgs, Synth, SynthArgs, SynthDeblurArgs, SynthDrivingArgs, SynthExtrapolationArgs, SynthStillArgs,
+};
 use crate::commands::print;
 
 /// Makes the data set.
@@ -19,6 +22,7 @@ use crate::commands::print;
 /// One sentence: options that are not valid, a data set that cannot be blurred, a full disk.
 pub fn run(args: &SynthArgs) -> Result<ExitCode> {
     match &args.what {
+        Synth::Still(args) => still_world(args),
         Synth::Deblur(args) => deblur_world(args),
         Synth::Extrapolation(args) => extrapolation_world(args),
         Synth::Driving(args) => driving_logs(args),
@@ -32,6 +36,23 @@ fn vacant(folder: &Path) -> Result<()> {
         bail!("{}: expected an empty or a new folder, found files in it", folder.display());
     }
     Ok(())
+}
+
+fn still_world(args: &SynthStillArgs) -> Result<ExitCode> {
+    vacant(&args.out)?;
+    let (width, height) = parse_size(&args.size)?;
+    let options = StillOptions {
+        world: args.world,
+        train_views: args.views as usize,
+        test_views: args.held_out as usize,
+        width,
+        height,
+        points: args.points,
+        seed: args.seed,
+    };
+    with_bar(|progress| still::write(&args.out, &options, progress))?;
+    print(format!("{}: {} photos to learn from, {} held out", args.out.display(), args.views, args.held_out));
+    Ok(ExitCode::SUCCESS)
 }
 
 fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {

@@ -9,7 +9,7 @@ use gs_pipelines::fit::read_model;
 use gs_train::fit::parameters::to_host;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::Job;
-use gs_worlds::{DemoOptions, demo_scene};
+use gs_worlds::still::{self, StillOptions};
 use gsburn::report::comparison::{Table, gather};
 
 use crate::common::program::succeeds;
@@ -33,8 +33,16 @@ const OVERRIDES: [&str; 5] =
 /// The demo's scene in photos of different brightness.
 fn world(folder: &Path) -> PathBuf {
     let path = folder.join("world");
-    let options = DemoOptions { train_views: PHOTOS, test_views: 3, width: 64, height: 48, points: 300, seed: 1 };
-    demo_scene(&path, &options).expect("the scene is written");
+    let options = StillOptions {
+        train_views: PHOTOS,
+        test_views: 3,
+        width: 64,
+        height: 48,
+        points: 300,
+        seed: 1,
+        ..StillOptions::default()
+    };
+    still::write(&path, &options, |_, _| ()).expect("the scene is written");
     for (index, factor) in FACTORS.into_iter().cycle().take(PHOTOS).enumerate() {
         darken(&path.join(format!("train/r_{index:03}.png")), DARKER * factor);
     }

@@ -22,7 +22,7 @@ use crate::common::streets::streets;
 use gs_pipelines::{Sources, resolve};
 use gs_worlds::deblur::{self, DeblurOptions, World};
 use gs_worlds::extrapolation;
-use gs_worlds::{DemoOptions, demo_scene};
+use gs_worlds::still::{self, StillOptions};
 
 const SEEDS: [u64; 3] = [42, 43, 44];
 
@@ -142,8 +142,16 @@ const STREETS: Golden = Golden {
 fn photos_of_a_still_scene() {
     let temporary = tempfile::tempdir().expect("a folder");
     let data = temporary.path().join("photos");
-    let options = DemoOptions { train_views: 12, test_views: 4, width: 64, height: 48, points: 400, seed: 1 };
-    demo_scene(&data, &options).expect("the scene is written");
+    let options = StillOptions {
+        train_views: 12,
+        test_views: 4,
+        width: 64,
+        height: 48,
+        points: 400,
+        seed: 1,
+        ..StillOptions::default()
+    };
+    still::write(&data, &options, |_, _| ()).expect("the scene is written");
     let Held { misses, .. } = STATIC.holds(&data, temporary.path());
     assert!(misses.is_empty(), "{misses:#?}");
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use gs_train::run::watch::Job;
 use gs_worlds::extrapolation::World;
-use gs_worlds::{DemoOptions, demo_scene};
+use gs_worlds::still::{self, StillOptions};
 use rand::{RngCore, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -72,8 +72,16 @@ fn trained(set: &Path, run: &Path, overrides: &[&str]) -> Job {
 fn held_out_pixels_reach_no_still_scene() {
     let temporary = tempfile::tempdir().expect("a folder");
     let set = temporary.path().join("photos");
-    let options = DemoOptions { train_views: 8, test_views: 3, width: 48, height: 36, points: 300, seed: 1 };
-    demo_scene(&set, &options).expect("written");
+    let options = StillOptions {
+        train_views: 8,
+        test_views: 3,
+        width: 48,
+        height: 36,
+        points: 300,
+        seed: 1,
+        ..StillOptions::default()
+    };
+    still::write(&set, &options, |_, _| ()).expect("written");
     same_with_noise(&set, held_out_images, |run| trained(&set, run, &[]));
 }
 

@@ -5,7 +5,7 @@ use crate::common;
 use std::path::Path;
 
 use gs_train::run::watch::Job;
-use gs_worlds::{DemoOptions, demo_scene};
+use gs_worlds::still::{self, StillOptions};
 
 /// Density changes at 20, 30, 40 and SH degrees at 13, 26, 39 fall before and after the interruptions.
 const OVERRIDES: [&str; 6] = [
@@ -61,9 +61,16 @@ fn relocation_resumes_to_the_same_bits() {
 fn measures_that_follow_the_run_resume_to_the_same_bits() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = folder.path().join("scene");
-    let options =
-        DemoOptions { train_views: 5, test_views: 2, width: 400, height: 60, points: common::POINTS, seed: 1 };
-    demo_scene(&scene, &options).expect("the scene is written");
+    let options = StillOptions {
+        train_views: 5,
+        test_views: 2,
+        width: 400,
+        height: 60,
+        points: common::POINTS,
+        seed: 1,
+        ..StillOptions::default()
+    };
+    still::write(&scene, &options, |_, _| ()).expect("the scene is written");
     let keys = ["data.coarse_share=0.5", "density.mcmc.full=0.45", "density.mcmc.growth=0.5", "init.dense_share=0.9"];
     resumes_on(folder.path(), &scene, &keys, &[11, 25, 26, 31]);
 }

@@ -17,7 +17,7 @@ use gs_train::run::folder::{EvalFile, RunFolder};
 use gs_train::run::watch::{Ending, Job};
 use gs_worlds::deblur::{self, DeblurOptions};
 use gs_worlds::extrapolation::{self, ExtrapolationOptions};
-use gs_worlds::{DemoOptions, demo_scene};
+use gs_worlds::still::{self, StillOptions};
 use gsburn::commands::train::train_and_report;
 use toml::Table;
 
@@ -51,8 +51,16 @@ pub fn named(backend: &str) -> Device {
 /// Writes the tiny scene into `folder` and returns its path.
 pub fn tiny_scene(folder: &Path) -> PathBuf {
     let path = folder.join("scene");
-    let options = DemoOptions { train_views: 5, test_views: 2, width: 40, height: 30, points: POINTS, seed: 1 };
-    demo_scene(&path, &options).expect("the scene is written");
+    let options = StillOptions {
+        train_views: 5,
+        test_views: 2,
+        width: 40,
+        height: 30,
+        points: POINTS,
+        seed: 1,
+        ..StillOptions::default()
+    };
+    still::write(&path, &options, |_, _| ()).expect("the scene is written");
     path
 }
 
