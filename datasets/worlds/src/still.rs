@@ -67,7 +67,7 @@ impl World {
     }
 }
 
-/// Options of [`write`].
+/// Options of [`write()`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StillOptions {
     /// The scene.

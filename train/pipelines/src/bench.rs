@@ -32,5 +32,5 @@ fn still(gaussians: Gaussians, camera: &Camera, strategy: Strategy) -> Steps {
     let photo = photo_of(&gaussians, camera, ());
     let mut config = Still::defaults();
     config.shared.density.strategy = strategy;
-    steps(Model { gaussians, method: Still {} }, photo, config)
+    steps(Model::uncorrected(gaussians, Still {}), photo, config)
 }

@@ -25,7 +25,7 @@ use gs_train::fit::preflight::{
 };
 use gs_train::fit::saved::Saved;
 use gs_train::fit::session::{Data, Session, Stepped};
-use gs_train::fit::snapshot::{Notes, Snapshot, read_gaussians, read_method, restore};
+use gs_train::fit::snapshot::{Notes, Snapshot, read_correction, read_gaussians, read_method, restore};
 use gs_train::fit::timetable::Timetable;
 use gs_train::fit::told::{ChartKey, Introduction, Told};
 use gs_train::fit::trainer::{Model, Trainer};
@@ -275,6 +275,9 @@ fn introduce<M: SceneMethod>(run: &Run, session: &Session<M>, job: &Job, introdu
     if !facts.is_empty() {
         run.say(&format!("found in the data set: {}", facts.join("; ")));
     }
+    if let Some(correction) = &trainer.model().correction {
+        run.say(&format!("photos differ in exposure: {} (correction.mode)", correction.described()));
+    }
     introduction.lines.iter().for_each(|line| run.say(line));
     let near = near_warning(trainer.facts.near, trainer.facts.subject_distance);
     introduction.warnings.iter().chain(&near).for_each(|warning| run.say(&format!("warning: {warning}")));
@@ -370,7 +373,7 @@ impl<M: SceneMethod> Pipeline for Fit<M> {
                 let at = Step { step: 0, config: &config, facts: &facts, cues: &cues, room: None };
                 let method = M::at_rest(&scene, &at, request.device).map_err(Error::msg)?;
                 let gaussians = gaussians_of(&packed.splats, request.device);
-                (Model { gaussians, method }, facts, 0, DVec3::from_array(packed.splats.offset))
+                (Model::uncorrected(gaussians, method), facts, 0, DVec3::from_array(packed.splats.offset))
             }
         };
         // A file and a checkpoint have their `origin` subtracted, views have `scene.origin` subtracted.
@@ -418,7 +421,7 @@ fn loaded<M: SceneMethod>(
     origin: DVec3,
     run: Option<SceneRun>,
 ) -> LoadedScene {
-    let Model { gaussians, method } = model;
+    let Model { gaussians, method, .. } = model;
     let scene = method.scene(gaussians.clone());
     LoadedScene {
         shutter: shutter::<M>(&*scene, config),
@@ -450,7 +453,8 @@ pub fn read_model<M: SceneMethod>(
     let read = || -> Result<(Model<M>, Notes), String> {
         let gaussians = read_gaussians(checkpoint, device)?;
         let method = read_method::<M>(checkpoint, gaussians.len(), &config, device)?;
-        Ok((Model { gaussians, method }, Notes::read(checkpoint)?))
+        let correction = read_correction(checkpoint, device)?;
+        Ok((Model { gaussians, correction, method }, Notes::read(checkpoint)?))
     };
     let (model, notes) = read().map_err(|found| checkpoint.damaged(found))?;
     Ok((model, config, notes))

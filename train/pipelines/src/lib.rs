@@ -34,7 +34,6 @@
 #![recursion_limit = "256"]
 
 pub mod bench;
-pub mod brightness;
 pub mod examples;
 pub mod fit;
 pub mod flux4d;
@@ -68,9 +67,8 @@ pub use flux4d::sweep_flow::{SweepFlow, sweep_flow};
 pub use resolve::{Resolved, Sources, resolve, resolve_changed, resolve_overrides, resolve_saved};
 
 /// Every pipeline of the program.
-pub static PIPELINES: [&dyn Pipeline; 5] = [
+pub static PIPELINES: [&dyn Pipeline; 4] = [
     &fit::Fit::<still::Still>::NEW,
-    &fit::Fit::<brightness::Brightness>::NEW,
     &fit::Fit::<taylormode::Taylormode>::NEW,
     &fit::Fit::<sparsedyn::Sparsedyn>::with_future(sparsedyn::future::extrapolate),
     &flux4d::Flux4d,

@@ -38,10 +38,11 @@ impl Method for Still {
         let options = RenderOptions { eps2d: dilation(options.eps2d, photo.pixel), ..options };
         let extras = Extras { screen: screens.first().cloned(), features: None, room: at.pair_room() };
         let rendering = render_with(gaussians, &photo.camera, &options, extras);
+        let image = photo.taken(rendering.color.clone());
         Forward {
-            loss: photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss),
+            loss: photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss),
             drawn: vec![Drawn::of(&rendering, screens.first())],
-            images: vec![rendering.color],
+            images: vec![image],
             notes: Vec::new(),
             remainder: None,
         }

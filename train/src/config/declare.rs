@@ -109,10 +109,10 @@ pub fn word(variant: &str) -> String {
 ///
 /// ```ignore
 /// section! {
-///     /// Options of the learned brightness.
-///     pub struct BrightnessConfig {
-///         /// Learning rate of the logarithm of each photo's brightness.
-///         lr: f64 = 5e-3, in NOT_NEGATIVE;
+///     /// Learning rates.
+///     pub struct RateConfig {
+///         /// Rate of the means.
+///         means: f64 = 5e-3, in NOT_NEGATIVE;
 ///     }
 ///     also check_rates;
 /// }

@@ -5,6 +5,7 @@
 //! beside it, and a key that neither has keeps the pipeline's default. `--set density.cap=50000` overrides one value. A
 //! key that does not exist is an error that names the nearest one.
 
+mod correction;
 mod data;
 mod declare;
 mod density;
@@ -29,6 +30,7 @@ use toml::{Table, Value};
 
 use crate::section;
 
+pub use correction::{CorrectionConfig, CorrectionMode, CorrectionPer};
 pub use data::{Auto, Background, DataConfig, DepthChoice, HoldoutChoice, MaskChoice, PriorKind};
 pub use declare::{Declared, Key, check_key, word};
 pub use density::{ClassicConfig, DensityConfig, McmcConfig, OpacityPolicy, Strategy};
@@ -63,6 +65,8 @@ section! {
         render: RenderConfig;
         /// Weights of the loss.
         loss: LossConfig;
+        /// Exposure and white balance of the photos.
+        correction: CorrectionConfig;
         /// Learning rates.
         optimiser: OptimiserConfig;
         /// Adding, relocating and removing Gaussians.

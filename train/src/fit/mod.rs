@@ -12,6 +12,7 @@
 //! | [`facts`], [`preflight`] | values fixed by the data set, and whether it suits a configuration |
 //! | [`extrapolation`] | what a method knows of the future of its scene |
 //! | [`initialise`] | the Gaussians of step 0 |
+//! | [`correction`] | exposure and white balance of the photos |
 //! | [`losses`], [`schedule`], [`random`] | loss, decay of rates, random draws |
 //! | [`budget`] | a budget of time as a number of steps |
 //! | [`times`] | a scene at many times |
@@ -24,6 +25,7 @@
 pub mod bench;
 pub mod budget;
 pub mod coarse;
+pub mod correction;
 pub mod density;
 pub mod extrapolation;
 pub mod facts;

@@ -7,6 +7,8 @@ use gs_burn::Camera;
 use gs_datasets::View;
 use rayon::prelude::*;
 
+use super::correction::ColorChange;
+
 /// A photo on the device, with the method's data.
 #[derive(Debug, Clone)]
 pub struct Photo<X> {
@@ -20,8 +22,22 @@ pub struct Photo<X> {
     pub time: f64,
     /// Width of a pixel, pixels of the scene's photo: 1, or more of a photo at a reduced width.
     pub pixel: f64,
+    /// Index of its view among those of the scene's split.
+    pub index: usize,
+    /// The change of a rendering's colours to the photo's; `None`: none.
+    pub color: Option<ColorChange>,
     /// The method's data.
     pub extra: X,
+}
+
+impl<X> Photo<X> {
+    /// Colours `[H, W, 3]` of the scene as the photo shows them.
+    pub fn taken(&self, seen: Tensor<3>) -> Tensor<3> {
+        match &self.color {
+            Some(change) => change.of(seen),
+            None => seen,
+        }
+    }
 }
 
 /// A method's device data of a photo: masks, depth and the like.
@@ -89,7 +105,8 @@ impl<'a, X: Extra> Photos<'a, X> {
             return photo.clone();
         }
         let view = &self.views[index];
-        let photo = upload(view, &self.device, self.pixel, (self.extra)(view, index, &self.device));
+        let extra = (self.extra)(view, index, &self.device);
+        let photo = Photo { index, pixel: self.pixel, ..upload(view, &self.device, extra) };
         let channels = 3 + usize::from(photo.mask.is_some()) + photo.extra.floats_per_pixel();
         let bytes = 4 * view.width * view.height * channels;
         if bytes <= self.room {
@@ -100,13 +117,15 @@ impl<'a, X: Extra> Photos<'a, X> {
     }
 }
 
-fn upload<X>(view: &View, device: &Device, pixel: f64, extra: X) -> Photo<X> {
+fn upload<X>(view: &View, device: &Device, extra: X) -> Photo<X> {
     Photo {
         camera: camera(view, device),
         image: to_tensor(view, &view.image.data, 3, device),
         mask: mask_of(view, device),
         time: view.time.unwrap_or(0.0),
-        pixel,
+        pixel: 1.0,
+        index: 0,
+        color: None,
         extra,
     }
 }

@@ -8,6 +8,7 @@ use gs_burn::adam::{Adam, Moments};
 use gs_burn::{Gaussians, NamedParameter, named_parameters, try_map_parameters};
 use serde::{Deserialize, Serialize};
 
+use super::correction::{Correction, CorrectionFrame};
 use super::density::{Adaptive, Density};
 use super::facts::SceneFacts;
 use super::parameters::Group;
@@ -83,6 +84,9 @@ pub struct Notes {
     pub counters: Counters,
     /// Values fixed by the data set.
     facts: FactBits,
+    /// The structure of the photos' corrections, if there are any.
+    #[serde(default)]
+    correction: Option<CorrectionFrame>,
     /// The method's frame.
     #[serde(default)]
     pub frame: serde_json::Value,
@@ -187,6 +191,7 @@ impl Snapshot {
         let notes = Notes {
             counters: Counters::of(trainer),
             facts: FactBits::of(&trainer.facts),
+            correction: trainer.model().correction.as_ref().map(Correction::frame),
             frame: trainer.method().frame(),
         };
         Self { columns, notes: serde_json::to_value(notes).expect("notes are JSON") }
@@ -243,6 +248,16 @@ pub fn read_method<M: Saved>(
     Ok(method)
 }
 
+/// The corrections of the photos, on `device` (without autodiff); `None` if the photos agree.
+///
+/// # Errors
+/// A sentence if a tensor is missing or damaged.
+pub fn read_correction(source: &dyn Source, device: &Device) -> Result<Option<Correction>, String> {
+    let Some(frame) = Notes::read(source)?.correction else { return Ok(None) };
+    let shell = Correction::of_frame(&frame, device);
+    read_module(source, "correction.", shell, |found, own| found == own, device).map(Some)
+}
+
 /// The module whose parameters have `prefix` before their paths: `shell` with the values of the file. `fits` compares
 /// the shape in the file with that in the shell.
 ///
@@ -293,7 +308,8 @@ pub fn restore<M: Saved>(
     let gaussians = read_gaussians(source, device)?;
     let rows = gaussians.len();
     let method = read_method::<M>(source, rows, config, device)?;
-    let training = read_training(source, Model { gaussians, method }, device)?;
+    let correction = read_correction(source, device)?;
+    let training = read_training(source, Model { gaussians, correction, method }, device)?;
     let mut trainer = Trainer::from_training(training, Notes::read(source)?.facts(), config);
     if config.density.strategy == Strategy::Default {
         let statistic = |name: &str| -> Result<Tensor<1>, String> {

@@ -11,6 +11,7 @@ use gs_burn::{Gaussians, NamedGradients, RowMap, profile};
 use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
 
+use super::correction::Correction;
 use super::density::prune::{contributions, prune_by_contribution};
 use super::density::{Changes, Density, Observation, StepContext};
 use super::facts::SceneFacts;
@@ -23,13 +24,28 @@ use super::schedule::{exponential, rate_factor, sh_degree};
 use super::training::Training;
 use crate::config::{Config, FitConfig, OptimiserConfig};
 
-/// All that is learned, as one module tree: paths begin with `gaussians.` and `method.`.
+/// All that is learned, as one module tree: paths begin with `gaussians.`, `correction.` and `method.`.
 #[derive(Module, Debug)]
 pub struct Model<M: Module + ModuleDisplay> {
     /// The Gaussians.
     pub gaussians: Gaussians,
+    /// Exposure and white balance of the photos, if they are learned.
+    pub correction: Option<Correction>,
     /// The method's module.
     pub method: M,
+}
+
+impl<M: Module + ModuleDisplay> Model<M> {
+    /// A model whose photos agree in exposure and white balance.
+    pub fn uncorrected(gaussians: Gaussians, method: M) -> Self {
+        Self { gaussians, correction: None, method }
+    }
+
+    /// Some photos of `views` with the changes of their colours, in this model's graph.
+    fn taken<X: Clone>(&self, photos: &[Photo<X>], views: &[View]) -> Vec<Photo<X>> {
+        let color = |photo: &Photo<X>| self.correction.as_ref()?.of(&views[photo.index]);
+        photos.iter().map(|photo| Photo { color: color(photo), ..photo.clone() }).collect()
+    }
 }
 
 /// The state that changes from step to step: a [`Training`] of the model, and the values that density control and
@@ -102,7 +118,8 @@ impl<M: Method> Trainer<M> {
         device: &Device,
     ) -> Self {
         let (initial, method) = M::begin(scene, &Step { step: 0, config, facts: &facts, cues, room: None }, device);
-        Self::from_model(Model { gaussians: first(&initial, device), method }, facts, config)
+        let correction = Correction::begin(&scene.train, &initial.means, &config.correction, device);
+        Self::from_model(Model { gaussians: first(&initial, device), correction, method }, facts, config)
     }
 
     /// The state before the first step of a training that starts from `model`.
@@ -133,7 +150,7 @@ impl<M: Method> Trainer<M> {
 
     /// Replaces the method's module by `change` of it.
     pub fn change_method(&mut self, change: impl FnOnce(M) -> M) {
-        self.change(|Model { gaussians, method }, _| Model { gaussians, method: change(method) });
+        self.change(|model, _| Model { method: change(model.method), ..model });
     }
 
     /// The current scene, without autodiff.
@@ -159,7 +176,7 @@ impl<M: Method> Trainer<M> {
         let at = Step { step: self.step, config, facts: &facts, cues, room: None };
         self.raise_sh_degree(config);
         let Backward { images, intersections, tiles, notes, observations, loss, gradients } =
-            self.compared(photos, &at);
+            self.compared(photos, views, &at);
         self.room.observe(&intersections, &tiles);
         let intersections = intersections.iter().sum();
         let skipped = gradients.is_none();
@@ -180,7 +197,7 @@ impl<M: Method> Trainer<M> {
 
     /// Forward and backward pass over the photos. If a rendering had more pairs or tiles than the steps before made
     /// room for, both are done again with lists of the right length.
-    fn compared(&mut self, photos: &[Photo<M::Extra>], at: &Step<M>) -> Backward {
+    fn compared(&mut self, photos: &[Photo<M::Extra>], views: &[View], at: &Step<M>) -> Backward {
         if self.wants_screen(at.config) {
             let (shape, device) = ([self.gaussians().len(), SCREEN], self.gaussians().device());
             self.zeros = self.zeros.take().filter(|zeros| zeros.dims() == shape);
@@ -188,12 +205,12 @@ impl<M: Method> Trainer<M> {
         } else {
             self.zeros = None;
         }
-        self.compare(photos, &Step { room: self.room.room(), ..*at }).unwrap_or_else(|| {
+        self.compare(photos, views, &Step { room: self.room.room(), ..*at }).unwrap_or_else(|| {
             tracing::debug!(
                 step = self.step,
                 "more tile intersections or tiles than there was room for: the step is done again"
             );
-            let again = self.compare(photos, at);
+            let again = self.compare(photos, views, at);
             again.expect("lists that are counted first have room")
         })
     }
@@ -203,15 +220,16 @@ impl<M: Method> Trainer<M> {
     }
 
     /// Forward and backward pass with the step's room for the lists of each rendering; `None` if there was too little.
-    fn compare(&self, photos: &[Photo<M::Extra>], at: &Step<M>) -> Option<Backward> {
+    fn compare(&self, photos: &[Photo<M::Extra>], views: &[View], at: &Step<M>) -> Option<Backward> {
         let config = at.config;
         let tracked = self.model().clone().train();
         let screen = |zeros: &Tensor<2>| zeros.clone().autodiff().require_grad();
         let screens: Vec<Tensor<2>> = photos.iter().filter_map(|_| self.zeros.as_ref().map(screen)).collect();
         let Forward { images, loss, drawn, notes, remainder } =
-            tracked.method.forward(&tracked.gaussians, photos, &screens, at);
+            tracked.method.forward(&tracked.gaussians, &tracked.taken(photos, views), &screens, at);
         let fixed = config.density.rests_by(self.step, config.steps);
         let loss = regularised(loss, &tracked.gaussians, self.facts.extent, fixed, &config.loss);
+        let loss = tracked.correction.as_ref().map_or(loss.clone(), |it| loss + it.size() * config.correction.weight);
         let mut graph = profile::timed("backward, rest of the graph", || loss.backward());
 
         let mut counts: Vec<DeviceCount> = drawn.iter().flat_map(|drawn| drawn.intersections.clone()).collect();
@@ -252,11 +270,12 @@ impl<M: Method> Trainer<M> {
     fn update(&mut self, mut gradients: NamedGradients, at: &Step<M>) {
         let _stage = profile::whole_stage("Adam");
         let rate = gaussian_rates(&at.config.optimiser, at.step, at.config.steps, at.facts);
-        self.training.change(|Model { gaussians, method }, adam| {
+        self.training.change(|Model { gaussians, correction, method }, adam| {
             adam.advance();
             let gaussians = adam.update_under("gaussians", gaussians, &mut gradients, rate);
+            let correction = correction.map(|it| it.updated(&mut gradients, adam, at.config, at.step));
             let method = method.update(&gaussians, &mut gradients, adam, at);
-            Model { gaussians, method }
+            Model { gaussians, correction, method }
         });
     }
 
@@ -273,10 +292,10 @@ impl<M: Method> Trainer<M> {
             control: M::control(self.step, config),
         };
         let mut changes = Changes::default();
-        self.training.change(|Model { mut gaussians, method }, adam| {
+        self.training.change(|Model { mut gaussians, correction, method }, adam| {
             let refinement = self.density.after_step(&mut gaussians, adam, observations, &config.density, &context);
             changes = refinement.changes;
-            Model { gaussians, method: follow(method, refinement.rows.as_ref(), adam) }
+            Model { gaussians, correction, method: follow(method, refinement.rows.as_ref(), adam) }
         });
         changes
     }
@@ -286,9 +305,9 @@ impl<M: Method> Trainer<M> {
         if at.config.density.prune_share > 0.0 && at.config.density.rests_at(at.step, at.config.steps) {
             self.prune(views, at.config);
         }
-        self.training.change(|Model { mut gaussians, method }, adam| {
+        self.training.change(|Model { mut gaussians, correction, method }, adam| {
             let method = method.after_step(&mut gaussians, adam, views, at);
-            Model { gaussians, method }
+            Model { gaussians, correction, method }
         });
     }
 
@@ -297,13 +316,13 @@ impl<M: Method> Trainer<M> {
         let options = SceneFacts { background: [0.0; 3], ..self.facts }.render_options(&config.render, 0);
         let contributions = contributions(&*self.scene(), views, &options, config.seed);
         let (before, share) = (self.gaussians().len(), config.density.prune_share);
-        self.training.change(|Model { mut gaussians, method }, adam| {
+        self.training.change(|Model { mut gaussians, correction, method }, adam| {
             let rows = prune_by_contribution(&mut gaussians, adam, &contributions, share);
             if rows.is_some() {
                 // Its statistics are of the rows before, and are not used any more.
                 self.density = Density::new(&config.density, &gaussians);
             }
-            Model { gaussians, method: follow(method, rows.as_ref(), adam) }
+            Model { gaussians, correction, method: follow(method, rows.as_ref(), adam) }
         });
         tracing::info!(
             before,
@@ -318,12 +337,12 @@ impl<M: Method> Trainer<M> {
     fn raise_sh_degree(&mut self, config: &Config) {
         let degree = sh_degree(self.step, config.model.sh_interval, config.model.sh_degree, config.steps);
         if degree > self.gaussians().sh_degree() {
-            self.change(|Model { mut gaussians, method }, adam| {
+            self.change(|Model { mut gaussians, correction, method }, adam| {
                 let columns = Group::Sh.columns(degree);
                 let sh = widen(gaussians.group(Group::Sh), columns);
                 gaussians.set(Group::Sh, sh);
                 adam.widen(Group::Sh.path(), columns);
-                Model { gaussians, method }
+                Model { gaussians, correction, method }
             });
         }
     }

@@ -5,8 +5,11 @@ use gs_burn::Gaussians;
 use gs_datasets::{Scene, View};
 
 use super::measured::{Measured, ModelSize, Quality, Scores, ViewScores};
+use super::metrics::color_fit::psnr_after_color_fit;
 use super::metrics::{self, Perceptual, ms_ssim, mse_of_psnr, psnr, psnr_masked, psnr_of_mse, ssim, ssim_masked};
 use crate::config::EvalConfig;
+use crate::fit::correction::Correction;
+use crate::fit::figure::{Better, Figure};
 use crate::fit::method::Step;
 use crate::fit::photos::{Photo, Photos, to_tensor};
 use crate::fit::saved::Saved;
@@ -103,9 +106,10 @@ impl Evaluator {
         kept: usize,
     ) -> (Measured, Vec<Comparison>) {
         release_freed_memory();
-        let (quality, comparisons) = self.quality(model, held_out, at, kept);
+        let (quality, fitted, comparisons) = self.quality(model, scene, held_out, at, kept);
         let (method, gaussians) = (&model.method, &model.gaussians);
-        let figures = method.figures(gaussians, scene, held_out.views, at);
+        let mut figures = method.figures(gaussians, scene, held_out.views, at);
+        figures.numbers.extend(model.correction.iter().flat_map(|it| of_correction(it, &fitted)));
         let measured = Measured {
             split: held_out.split.into(),
             quality,
@@ -119,22 +123,25 @@ impl Evaluator {
     fn quality<M: Told>(
         &self,
         model: &Model<M>,
+        data: &Scene,
         held_out: &HeldOut,
         at: &Step<M>,
         kept: usize,
-    ) -> (Quality, Vec<Comparison>) {
+    ) -> (Quality, Vec<f64>, Vec<Comparison>) {
         let (scene, blur) = (model.method.scene(model.gaussians.clone()), M::blur());
         let views = held_out.views;
         let keep_every = views.len().div_ceil(kept.clamp(1, views.len().max(1))).max(1);
         let mut photos = Photos::plain(views, &self.device);
         let (mut scores, mut comparisons, mut compared) = (Vec::new(), Vec::new(), Compared::Sharp);
+        let mut fitted = Vec::new();
         for together in by_time(views).chunks(TIMES_AT_ONCE) {
             let times: Vec<f64> = together.iter().map(|(time, _)| *time).collect();
             let mut shared: Option<Vec<Gaussians>> = None;
             for (at_time, (_, indices)) in together.iter().enumerate() {
                 for index in indices.iter().copied() {
                     let view = &views[index];
-                    let photo = photos.get(index);
+                    let color = model.correction.as_ref().and_then(|it| it.near(view, &data.train));
+                    let photo = Photo { color, ..photos.get(index) };
                     let formed = blur.and_then(|blur| blur.formed(&model.method, &model.gaussians, view, at));
                     let image = match formed {
                         Some(formed) => {
@@ -144,13 +151,18 @@ impl Evaluator {
                         None => {
                             let gaussians = &shared.get_or_insert_with(|| scene.at_times(&times))[at_time];
                             let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
-                            gs_burn::render(gaussians, &photo.camera, &options).color.clamp(0.0, 1.0)
+                            gs_burn::render(gaussians, &photo.camera, &options).color
                         }
                     };
+                    let image = photo.taken(image).clamp(0.0, 1.0);
                     let Some(whole) = self.scores(image.clone(), photo.image.clone(), photo.mask.clone()) else {
                         tracing::warn!(view = view.name, "no pixel counts: the view is not measured");
                         continue;
                     };
+                    if model.correction.is_some() {
+                        let (image, truth) = (image.clone(), photo.image.clone());
+                        fitted.extend(psnr_after_color_fit(image, truth, photo.mask.clone()));
+                    }
                     let regions = held_out.regions[index].iter().filter_map(|region| {
                         let scores = self.region(image.clone(), &photo, view, region)?;
                         Some((region.name.to_string(), scores))
@@ -170,7 +182,7 @@ impl Evaluator {
         let has_truth = views.iter().any(|view| view.truth.blurry.is_some());
         let summary = self.summary(scores, described_comparison(compared, has_truth));
         let regions_inferred = !summary.regions.is_empty() && held_out.has_inferred();
-        (Quality { regions_inferred, ..summary }, comparisons)
+        (Quality { regions_inferred, ..summary }, fitted, comparisons)
     }
 
     fn comparison(&self, view: &View, photo: Photo<()>, image: Tensor<3>, psnr: f64) -> Comparison {
@@ -247,6 +259,16 @@ impl Evaluator {
             views,
         }
     }
+}
+
+/// Figures of the photos' corrections; `fitted`: PSNR of views after a fit of colours.
+fn of_correction(correction: &Correction, fitted: &[f64]) -> Vec<Figure> {
+    let spread = Figure::new("gains_spread", "differences in exposure", 100.0 * correction.spread(), "%");
+    let fitted = metrics::mean(fitted.iter().copied()).map(|mean| {
+        let figure = Figure::new("psnr_after_color_fit", "PSNR after a fit of colours", mean, "dB");
+        figure.digits(2).better(Better::Higher).headline()
+    });
+    fitted.into_iter().chain([spread.digits(1).column()]).collect()
 }
 
 /// PSNR of the mean over views of the squared error, dB; 0 without a view.

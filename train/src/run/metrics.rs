@@ -4,6 +4,7 @@
 //! Images are `[H, W, 3]` and are clamped to 0 to 1 first, as in 3DGS. SSIM is the 11x11 Gaussian-window SSIM with zero
 //! padding of 3DGS; MS-SSIM has the five scales of Wang et al. 2003.
 
+pub mod color_fit;
 mod lpips;
 mod ms_ssim;
 mod windows;

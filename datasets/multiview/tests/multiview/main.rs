@@ -3,6 +3,7 @@
 mod camera_masks;
 mod centres;
 mod fixture;
+mod gains;
 mod hostile;
 mod hull;
 mod pinned;

@@ -52,14 +52,14 @@ impl Sparsedyn {
         let (count, of_outlines) = (photos.len(), at.config.method.curriculum.outline);
         for (index, (photo, scene)) in photos.iter().zip(&scenes).enumerate() {
             let rendering = drawn(scene, photo, screens.get(index).cloned(), false, at);
-            let mut loss =
-                photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
+            let image = photo.taken(rendering.color.clone());
+            let mut loss = photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
             if let Some(sides) = photo.extra.outline.clone().filter(|_| of_outlines > 0.0) {
                 loss = loss + outline_misfit(rendering.alpha.clone(), sides) * of_outlines;
             }
             forward.loss = forward.loss + loss * weight(index, count, at);
             forward.drawn.push(Drawn::of(&rendering, screens.get(index)));
-            forward.images.push(rendering.color);
+            forward.images.push(image);
         }
         forward
     }
@@ -75,7 +75,8 @@ impl Sparsedyn {
         let warmup = &at.config.method.warmup;
         let prior = photo.extra.depth.as_ref().filter(|_| warmup.depth > 0.0);
         let rendering = drawn(gaussians, photo, screen.clone(), prior.is_some(), at);
-        let mut loss = photometric(rendering.color.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
+        let image = photo.taken(rendering.color.clone());
+        let mut loss = photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
         if warmup.opacity > 0.0 && !gaussians.is_empty() {
             let factor = if at.cues.source == Source::Hull { ON_HULL } else { 1.0 };
             loss = loss + opacity_sparsity(gaussians.opacities()) * (factor * warmup.opacity);
@@ -90,7 +91,7 @@ impl Sparsedyn {
         Forward {
             loss,
             drawn: vec![Drawn::of(&rendering, screen.as_ref())],
-            images: vec![rendering.color],
+            images: vec![image],
             ..Forward::empty(&gaussians.device())
         }
     }

@@ -72,5 +72,5 @@ fn with_blur(gaussians: Gaussians, camera: &Camera, mode: BlurMode) -> Steps {
         ..PhotoPriors::default()
     };
     let photo = photo_of(&gaussians, camera, extra);
-    steps(Model { gaussians, method }, photo, config)
+    steps(Model::uncorrected(gaussians, method), photo, config)
 }

@@ -73,7 +73,7 @@ impl Taylormode {
             BlurMode::Warp => step.warped(screen),
         };
         Forward {
-            images: vec![color],
+            images: vec![photo.taken(color)],
             loss,
             drawn: vec![drawn],
             notes: step.misfit.get().then(|| depth_misfit(at.config)).into_iter().collect(),
@@ -303,7 +303,7 @@ impl Formation<'_> {
             (Some(region), Some(mask)) => Some(region * mask),
             (region, mask) => region.or(mask),
         };
-        photometric(color, truth, region, &self.config.loss)
+        photometric(self.photo.taken(color), truth, region, &self.config.loss)
     }
 
     /// Adds the depth term of Eq. 16.

@@ -11,20 +11,20 @@ const SOURCE_LINES: [(&str, usize); 14] = [
     ("datasets", 11_150),
     ("datasets/base", 1_150),
     ("datasets/driving", 6_645),
-    ("datasets/multiview", 4_550),
+    ("datasets/multiview", 4_740),
     ("datasets/splats", 3_430),
     ("datasets/worlds", 4_830),
     ("gs-burn", 6_620),
     ("gs-kernels", 14_240),
     ("models", 12_330),
     ("tests/lab", 6_050),
-    ("train", 9_540),
-    ("train/pipelines", 13_070),
+    ("train", 9_990),
+    ("train/pipelines", 12_940),
     ("train/program", 8_970),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 38_600;
+const TEST_LINES: usize = 38_800;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [

@@ -24,7 +24,7 @@ fn listings_of_extend_equal_the_files_that_they_name() {
     } else {
         assert_eq!(written, page, "docs/extend.md shows other code than the files; write it anew with\n{COMMAND}");
     }
-    assert!(page.contains("<!-- item train/pipelines/src/brightness.rs"), "the page shows the example");
+    assert!(page.contains("<!-- item train/pipelines/src/still.rs"), "the page shows the example");
 }
 
 /// The page with each listing below a line `<!-- item FILE `START` -->` taken from that file.

@@ -91,7 +91,7 @@ fn checkpoint_seeds(folder: &Path) -> Vec<Vec<u8>> {
     let few = "init.random_points=20";
     vec![
         checkpoint(&still, &folder.join("static"), 3, &[few]),
-        checkpoint(&still, &folder.join("brightness"), 1, &["pipeline=brightness", few]),
+        checkpoint(&still, &folder.join("corrected"), 1, &["correction.mode=affine", few]),
         checkpoint(&video, &folder.join("moving"), 1, &["pipeline=taylormode", "blur.samples=3", "motion.points=30"]),
     ]
 }

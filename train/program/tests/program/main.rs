@@ -5,13 +5,13 @@
 //! ```
 #![recursion_limit = "256"]
 
-mod brightness;
 mod budget;
 mod checkpoint;
 mod cli;
 mod common;
 mod config_docs;
 mod configs;
+mod correction;
 mod density;
 mod docs;
 mod extrapolate;
