@@ -1,7 +1,8 @@
 //! Files of 3D Gaussians. Knows slices, nothing of tensors or training.
 //!
 //! [`Splats`] are Gaussians on the host, [`Motion`] says how some of them move. [`ply`] (the layout of 3DGS), [`spz`]
-//! and [`glb`] are read and written, [`usda`] is written. `docs/formats.md` has the layouts.
+//! and [`glb`] are read and written, [`splat`] and [`ksplat`] are read, [`usda`] is written.
+//! `docs/formats.md` has the layouts.
 //!
 //! # Axes
 //!
@@ -12,9 +13,11 @@
 mod bounded;
 mod carried;
 pub mod glb;
+pub mod ksplat;
 mod motion;
 pub mod ply;
 mod sh_rotation;
+pub mod splat;
 mod splats;
 pub mod spz;
 pub mod turn;

@@ -1,5 +1,8 @@
 //! Gaussians on the host.
 
+/// The zeroth real spherical harmonic, `1 / (2 sqrt(pi))`.
+pub(crate) const SH_C0: f32 = 0.282_094_8;
+
 /// `N` Gaussians, axes as in the [crate's documentation](crate).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Splats {

@@ -13,7 +13,7 @@ use gs_splats::{Splats, ply};
 
 use super::checkpoint::Checkpoint;
 use super::exchange::host::{gaussians_of, splats_of};
-use super::exchange::{MotionScene, Packed, motion_of, offset_note, read_packed, refuse_foreign};
+use super::exchange::{MotionScene, Packed, READ, motion_of, offset_note, read_packed, refuse_foreign};
 use super::folder::RunFolder;
 use super::presentation::{Camera, Presentation, PresentedScene};
 use crate::config::{Config, RenderConfig, brief};
@@ -200,7 +200,7 @@ pub fn read_file(path: &Path) -> Result<SceneFile> {
     match read_packed(path)? {
         Some(packed) => Ok(SceneFile::Ply(Box::new(packed))),
         None => {
-            bail!("{}: expected a run folder, a .safetensors checkpoint or a .ply, .spz or .glb file", path.display())
+            bail!("{}: expected a run folder, a .safetensors checkpoint or a scene ({READ})", path.display())
         }
     }
 }

@@ -13,7 +13,7 @@ use gs_base::FileError;
 use gs_base::npy::Number;
 use gs_base::ply::{Element, Encoding, Header};
 
-use super::source::{Records, Source, cut, missing, not_finite, too_many};
+use super::source::{Records, Source, cut, missing, too_many};
 use super::{REST_KEPT, REST_PER_CHANNEL};
 use crate::COUNT_MAX;
 
@@ -68,7 +68,7 @@ pub(super) fn read(mut source: Source) -> Result<(Records, usize), FileError> {
     match broken {
         None => Ok((records, rest)),
         Some((vertex, broken)) => {
-            Err(not_finite(&source.path, vertex, "a range of its chunk", "another value", (broken, count)))
+            Ok((records.without(&source.path, vertex, "a range of its chunk", "not finite", (broken, count))?, rest))
         }
     }
 }

@@ -9,7 +9,7 @@ use gs_base::npy::Number;
 use gs_base::ply::{Element, Encoding, Header, start_of};
 use gs_base::{FileError, printable};
 
-use super::source::{Records, Source, cut, degree, missing, not_finite, too_many};
+use super::source::{Records, Source, cut, degree, missing, too_many};
 use super::{RECORD_OPACITY, REST_KEPT, REST_PER_CHANNEL, SplatRenderMode, compressed, record_names};
 use crate::{COUNT_MAX, Splats};
 
@@ -23,17 +23,19 @@ pub struct PlyScene {
     pub render_mode: Option<SplatRenderMode>,
     /// Degree of the harmonics in the file, 0 to 4; above 3 they were left out.
     pub sh_degree: usize,
+    /// A sentence about the vertices that were left out, because a value of theirs is not finite.
+    pub left_out: Option<String>,
 }
 
 /// Reads a scene.
 ///
 /// # Errors
-/// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds a value that is not
-/// finite.
+/// When the file cannot be read, is not a PLY file, lacks a property, is cut short, or holds no vertex of finite
+/// values.
 pub fn read(path: &Path) -> Result<PlyScene, FileError> {
     let source = Source::open(path)?;
     let (render_mode, offset) = (source.render_mode, source.offset);
-    let (Records { means, mut splats }, rest) = if compressed::is_compressed(&source.header) {
+    let (Records { means, mut splats, left_out }, rest) = if compressed::is_compressed(&source.header) {
         compressed::read(source)?
     } else {
         let reader = Reader::of(source)?;
@@ -42,7 +44,7 @@ pub fn read(path: &Path) -> Result<PlyScene, FileError> {
     };
     (splats.means, splats.offset) = localised(&means, offset);
     splats.antialiased = render_mode.map(|mode| mode == SplatRenderMode::Mip);
-    Ok(PlyScene { splats, render_mode, sh_degree: degree(rest) })
+    Ok(PlyScene { splats, render_mode, sh_degree: degree(rest), left_out })
 }
 
 /// The logit of an opacity of 1 - 1e-7, the nearest to 1 that a sigmoid in `f32` tells from it.
@@ -230,11 +232,11 @@ impl Reader {
         }
     }
 
-    /// The records, if none is broken.
+    /// The records, with a sentence on those that are broken; an error if all are.
     fn complete(&self, records: Records, broken: Option<Broken>) -> Result<Records, FileError> {
         let Some(Broken { vertex, column, found, count: broken }) = broken else { return Ok(records) };
         let counts = (broken, self.element().count as usize);
-        Err(not_finite(&self.path, vertex, &self.columns[column].name, &found, counts))
+        records.without(&self.path, vertex, &self.columns[column].name, &found, counts)
     }
 
     fn io(&self, source: std::io::Error) -> FileError {

@@ -70,6 +70,8 @@ pub struct Records {
     pub means: Vec<[f64; 3]>,
     /// All but the means.
     pub splats: Splats,
+    /// A sentence about vertices that were left out.
+    pub left_out: Option<String>,
 }
 
 impl Records {
@@ -89,9 +91,33 @@ impl Records {
                 degree: degree(rest),
                 ..Splats::default()
             };
-            Ok(Self { means: room(count)?, splats })
+            Ok(Self { means: room(count)?, splats, left_out: None })
         };
         records().map_err(|error| FileError::read(path, io::Error::other(error)))
+    }
+
+    /// With a sentence on `broken` of `count` vertices, which were left out; the first has a `property` of no number.
+    ///
+    /// # Errors
+    /// If no vertex is left.
+    pub fn without(
+        self,
+        path: &Path,
+        vertex: usize,
+        property: &str,
+        found: &str,
+        (broken, count): (usize, usize),
+    ) -> Result<Self, FileError> {
+        if self.means.is_empty() {
+            let found = format!("{found}; all {count} vertices have such values");
+            let expected = format!("a finite number for `{property}`");
+            return Err(FileError::malformed(path, format!("vertex {vertex}"), expected, found));
+        }
+        let left_out = format!(
+            "{broken} of {count} vertices were left out, because a value is not finite: `{property}` of vertex {vertex} is \
+             {found}"
+        );
+        Ok(Self { left_out: Some(left_out), ..self })
     }
 
     /// Adds a packed record of finite numbers.
@@ -127,19 +153,4 @@ pub fn cut(path: &Path, count: u64, expected: u64, found: u64) -> FileError {
 pub fn missing(path: &Path, name: &str) -> FileError {
     let expected = format!("vertex property `{name}` of a Gaussian splatting scene");
     FileError::malformed(path, "header", expected, "none")
-}
-
-/// The first of `broken` vertices, of `count`, whose `property` is no number.
-pub fn not_finite(
-    path: &Path,
-    vertex: usize,
-    property: &str,
-    found: &str,
-    (broken, count): (usize, usize),
-) -> FileError {
-    let found = format!(
-        "{found}; {broken} of {count} vertices have such values, and `npx @playcanvas/splat-transform IN.ply \
-         --filter-nan OUT.ply` leaves these out"
-    );
-    FileError::malformed(path, format!("vertex {vertex}"), format!("a finite number for `{property}`"), found)
 }

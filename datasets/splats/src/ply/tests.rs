@@ -144,15 +144,23 @@ fn bad_headers_are_refused() {
 }
 
 #[test]
-fn values_that_are_not_finite_are_refused() {
+fn vertices_that_are_not_finite_are_left_out() {
     let (bytes, folder, path) = written();
+    let whole = read(&path).unwrap().splats;
     let mut bad = bytes.clone();
     // Vertex 2, property `x`: 26 floats a vertex.
     let place = header_len(&bytes) + 2 * 26 * 4;
     bad[place..place + 4].copy_from_slice(&f32::NAN.to_le_bytes());
-    assert_refused(&path, &bad, "vertex 2: expected a finite number for `x`, found NaN; 1 of 5 vertices");
     bad[place + 2 * 26 * 4..][..4].copy_from_slice(&f32::INFINITY.to_le_bytes());
-    assert_refused(&path, &bad, "found NaN; 2 of 5 vertices have such values, and `npx @playcanvas/splat-transform");
+    fs::write(&path, &bad).unwrap();
+    let PlyScene { splats, left_out, .. } = read(&path).unwrap();
+    assert_eq!(splats, whole.select(&[0, 1, 3]));
+    let left_out = left_out.unwrap();
+    assert!(left_out.contains("2 of 5 vertices") && left_out.contains("`x` of vertex 2 is NaN"), "{left_out}");
+    for vertex in 0..5 {
+        bad[header_len(&bytes) + vertex * 26 * 4..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
+    }
+    assert_refused(&path, &bad, "vertex 0: expected a finite number for `x`, found NaN; all 5 vertices");
 
     let mut scene = random(3, 0, 31);
     scene.quats[1][3] = f32::INFINITY;

@@ -1,8 +1,8 @@
-//! SPZ, the compressed format of Niantic: versions 2 and 3 are read, 3 is written.
+//! SPZ, the compressed format of Niantic: versions 2 to 4 are read, 3 is written.
 //!
 //! One gzip stream: a header of 16 bytes, then arrays over all Gaussians: positions, alphas, colours, scales,
-//! rotations, harmonics. A stream whose gzip was undone, as browsers and servers do, is read too. Everything is
-//! quantised; see `docs/formats.md` for the bytes and what they lose.
+//! rotations, harmonics. A stream whose gzip was undone, as browsers and servers do, is read too. Version 4 has a zstd
+//! stream for each array instead. Everything is quantised; see `docs/formats.md` for the bytes and what they lose.
 
 mod far;
 mod read;
@@ -10,6 +10,7 @@ mod rotation;
 #[cfg(test)]
 mod tests;
 mod write;
+mod zstd;
 
 pub use far::{Far, far};
 pub use read::{decode, read};

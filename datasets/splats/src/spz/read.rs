@@ -1,4 +1,4 @@
-//! Reading versions 2 and 3. A file from anywhere takes no more memory than its own length allows.
+//! Reading versions 2 to 4. A file from anywhere takes no more memory than its own length allows.
 
 use std::io::Read;
 use std::path::Path;
@@ -9,6 +9,7 @@ use gs_base::local::{is_offset, localised};
 use gs_base::{FileError, guarded};
 
 use super::rotation::{unpack, unpack_v2};
+use super::zstd;
 use super::{ALPHA_LEAST, ANTIALIASED, COLOUR, HEADER, MAGIC, OFFSET, SCALE_LEAST, SCALE_STEPS};
 use crate::bounded::Bytes;
 use crate::splats::logit;
@@ -24,7 +25,7 @@ const FRACTIONAL_MOST: u8 = 23;
 /// Highest degree of a file; harmonics above 3 are left out.
 const DEGREE_MAX: usize = 4;
 
-/// Reads SPZ 2 or 3.
+/// Reads SPZ 2, 3 or 4.
 ///
 /// # Errors
 /// When the file cannot be read, is no SPZ of these versions, or is cut short.
@@ -62,12 +63,16 @@ pub fn decode(file: &[u8]) -> Result<Splats, String> {
     header.splats(&arrays, offset)
 }
 
-/// The stream without its gzip.
+/// The stream without its gzip, or version 4, which has none.
 fn unpacked(file: &[u8]) -> Result<Splats, String> {
     let Some((header, arrays)) = file.split_first_chunk::<HEADER>() else {
         return Err(format!("expected a header of {HEADER} bytes, found {}; the file is cut short", file.len()));
     };
-    Header::parse(*header)?.splats(arrays, [0.0; 3])
+    let header = Header::parse(*header)?;
+    match header.version {
+        4 => header.splats(&zstd::arrays(file, &header.lengths())?, [0.0; 3]),
+        _ => header.splats(arrays, [0.0; 3]),
+    }
 }
 
 /// The offset in a comment of ours.
@@ -96,11 +101,8 @@ impl Header {
         }
         let (version, count) = (rest.u32()?, rest.u32()? as usize);
         let &[degree, fractional_bits, flags, _] = rest.take(4)? else { return Err("a header is cut short".into()) };
-        if ![2, 3].contains(&version) {
-            return Err(format!(
-                "expected SPZ 2 or 3, found SPZ {version}, which is not read; \
-                 `npx @playcanvas/splat-transform IN.spz OUT.ply` converts SPZ 4"
-            ));
+        if ![2, 3, 4].contains(&version) {
+            return Err(format!("expected SPZ 2, 3 or 4, found SPZ {version}, which is not read"));
         }
         if count > COUNT_MAX {
             return Err(format!("expected at most {COUNT_MAX} Gaussians, found {count}"));
@@ -123,9 +125,14 @@ impl Header {
         if self.version == 2 { 3 } else { 4 }
     }
 
+    /// Bytes of each array: positions, alphas, colours, scales, rotations, harmonics.
+    fn lengths(&self) -> [usize; 6] {
+        [9, 1, 3, 3, self.rotation(), 3 * self.rest()].map(|bytes| self.count * bytes)
+    }
+
     /// Bytes of all arrays.
     fn length(&self) -> usize {
-        self.count * (9 + 1 + 3 + 3 + self.rotation() + 3 * self.rest())
+        self.lengths().iter().sum()
     }
 
     /// The Gaussians of all arrays, to which `offset` is to be added.

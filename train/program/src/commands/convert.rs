@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::cli::{ConvertArgs, Up};
 use crate::commands::export::{upright, write_one};
-use gs_train::run::exchange::{ENDINGS, Format, Packed, read_packed};
+use gs_train::run::exchange::{ENDINGS, Format, Packed, READ, read_packed};
 use gs_train::run::outputs;
 
 /// Times at which OpenUSD samples a motion: two seconds of film, and the end.
@@ -23,8 +23,8 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode> {
     if !args.from.exists() {
         bail!("{}: expected a file of Gaussians, found nothing", args.from.display());
     }
-    let packed = read_packed(&args.from)?
-        .with_context(|| format!("{}: expected a .ply, .spz or .glb file", args.from.display()))?;
+    let packed =
+        read_packed(&args.from)?.with_context(|| format!("{}: expected a scene ({READ})", args.from.display()))?;
     if args.to.exists() && args.from.canonicalize().ok() == args.to.canonicalize().ok() {
         bail!("{}: this is the file to read; name another to write", args.to.display());
     }

@@ -12,7 +12,7 @@ const SOURCE_LINES: [(&str, usize); 14] = [
     ("datasets/base", 1_150),
     ("datasets/driving", 6_645),
     ("datasets/multiview", 4_740),
-    ("datasets/splats", 3_430),
+    ("datasets/splats", 3_790),
     ("datasets/worlds", 4_830),
     ("gs-burn", 6_620),
     ("gs-kernels", 14_240),
@@ -24,7 +24,7 @@ const SOURCE_LINES: [(&str, usize); 14] = [
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 38_800;
+const TEST_LINES: usize = 38_960;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [

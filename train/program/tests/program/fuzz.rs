@@ -129,8 +129,30 @@ fn far_scene() -> Splats {
     }
 }
 
-/// The scene in each format that is read, by its ending; an SPZ without its gzip, and a glTF with nodes.
-fn scene_seeds(folder: &Path) -> [(&'static str, Vec<Vec<u8>>); 3] {
+/// An SPZ of version 4 with arrays of these lengths, each as a zstd frame of one raw block.
+fn spz_4(lengths: [u8; 6]) -> Vec<u8> {
+    let frame = |length: u8| {
+        let block = u32::from(length) << 3 | 1;
+        let head = [0x28, 0xb5, 0x2f, 0xfd, 0x20, length];
+        [&head[..], &block.to_le_bytes()[..3], &vec![77; usize::from(length)]].concat()
+    };
+    let header = [&b"NGSP"[..], &4_u32.to_le_bytes(), &6_u32.to_le_bytes(), &[1, 12, 0, 6, 32], &[0; 15]].concat();
+    let lengths_of = |length: u8| [frame(length).len() as u64, u64::from(length)].map(u64::to_le_bytes).concat();
+    [header, lengths.map(lengths_of).concat(), lengths.map(frame).concat()].concat()
+}
+
+/// A `.ksplat` of level 1: six Gaussians without harmonics in one bucket that is not full.
+fn ksplat() -> Vec<u8> {
+    let mut file = vec![0; 4096 + 1024];
+    let words = [(0, 256_u32), (4, 1), (20, 1), (4096, 6), (4100, 6), (4104, 256), (4108, 1), (4132, 1)];
+    words.iter().for_each(|(at, word)| file[*at..at + 4].copy_from_slice(&word.to_le_bytes()));
+    file[4112..4116].copy_from_slice(&5.0_f32.to_le_bytes());
+    file[4116] = 12;
+    [file, 6_u32.to_le_bytes().to_vec(), vec![0; 12], vec![52; 6 * 24]].concat()
+}
+
+/// The scene in each format that is read, by its ending; an SPZ without its gzip, one of version 4, a glTF with nodes.
+fn scene_seeds(folder: &Path) -> [(&'static str, Vec<Vec<u8>>); 5] {
     let packed = Packed { splats: far_scene(), motion: None, samples: 0 };
     let written = |name: &str, format: Format| {
         let path = folder.join(name);
@@ -150,7 +172,10 @@ fn scene_seeds(folder: &Path) -> [(&'static str, Vec<Vec<u8>>); 3] {
     nodes.splice(place..place + 12, node.iter().copied());
     let length = u32::from_le_bytes([glb[12], glb[13], glb[14], glb[15]]) + (node.len() - 12) as u32;
     nodes[12..16].copy_from_slice(&length.to_le_bytes());
-    [("ply", vec![ply]), ("spz", vec![spz, raw]), ("glb", vec![glb, nodes])]
+    let newer = spz_4([54, 6, 18, 18, 24, 54]);
+    let spz = vec![spz, raw, newer];
+    let splat = vec![52; 6 * 32];
+    [("ply", vec![ply]), ("spz", spz), ("glb", vec![glb, nodes]), ("splat", vec![splat]), ("ksplat", vec![ksplat()])]
 }
 
 fn scenes(cases: u32) {

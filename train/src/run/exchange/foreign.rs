@@ -4,13 +4,10 @@ use std::path::Path;
 
 use anyhow::{Result, bail};
 
+use super::READ;
+
 /// Formats that splat-transform reads, by the endings of their files.
-const FORMATS: [(&str, &str); 4] = [
-    ("splat", "a .splat file (32 bytes a Gaussian)"),
-    ("ksplat", "a .ksplat file"),
-    ("sog", "a SOG file (PlayCanvas)"),
-    ("lcc", "an LCC file (XGRIDS)"),
-];
+const FORMATS: [(&str, &str); 2] = [("sog", "a SOG file (PlayCanvas)"), ("lcc", "an LCC file (XGRIDS)")];
 
 /// The file that makes a folder one of SOG.
 const SOG: &str = "meta.json";
@@ -25,7 +22,7 @@ pub fn refuse_foreign(path: &Path) -> Result<()> {
         let to = from.with_extension("ply");
         let to = to.file_name().unwrap_or_default().to_string_lossy().into_owned();
         bail!(
-            "{}: expected a scene that is read (.ply, .spz or .glb), found {found}; \
+            "{}: expected a scene that is read ({READ}), found {found}; \
              `npx @playcanvas/splat-transform {} {to}` converts it",
             path.display(),
             from.display()
@@ -40,7 +37,7 @@ pub fn refuse_foreign(path: &Path) -> Result<()> {
     }
     if ending == "gltf" {
         bail!(
-            "{}: expected a scene that is read (.ply, .spz or .glb), found glTF as text with files beside it; \
+            "{}: expected a scene that is read ({READ}), found glTF as text with files beside it; \
              `npx @gltf-transform/cli copy {} {}` makes one binary file of them",
             path.display(),
             path.display(),

@@ -1,4 +1,4 @@
-//! Scenes as files of other programs: PLY, SPZ, glTF and OpenUSD, told by the ending.
+//! Scenes as files of other programs: PLY, SPZ, glTF and OpenUSD, told by the ending; `.splat` and `.ksplat` are read.
 
 mod foreign;
 pub mod host;
@@ -12,7 +12,7 @@ use glam::{DMat3, DVec3};
 use gs_base::local::is_far;
 use gs_base::{agree, counted};
 use gs_splats::ply::{self, SplatRenderMode};
-use gs_splats::{Motion, Splats, glb, spz, turn, usda};
+use gs_splats::{Motion, Splats, glb, ksplat, splat, spz, turn, usda};
 
 pub use foreign::refuse_foreign;
 pub use motion::{MotionScene, motion_of, time_function};
@@ -47,6 +47,9 @@ impl Format {
         matches!(self, Self::Glb | Self::Usda)
     }
 }
+
+/// The endings that are read, for sentences.
+pub const READ: &str = ".ply, .spz, .glb, .splat or .ksplat";
 
 /// The endings that are written, for sentences.
 pub const ENDINGS: &str = ".ply, .spz, .glb or .usda";
@@ -159,8 +162,17 @@ pub fn offset_note(offset: [f64; 3]) -> Option<String> {
 /// One sentence that names the file, what was expected and what was found.
 pub fn read_packed(path: &Path) -> Result<Option<Packed>> {
     refuse_foreign(path)?;
-    let Some(format) = Format::of(path).filter(|_| !path.is_dir()) else { return Ok(None) };
     let still = |splats| Packed { splats, motion: None, samples: 0 };
+    let of_viewer = match path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        Some("splat") => Some(splat::read(path)?),
+        Some("ksplat") => Some(ksplat::read(path)?),
+        _ => None,
+    };
+    if let Some(splats) = of_viewer {
+        splats.check().map_err(|found| anyhow::anyhow!("{}: {found}", path.display()))?;
+        return without_empty_rows(path, still(splats)).map(Some);
+    }
+    let Some(format) = Format::of(path).filter(|_| !path.is_dir()) else { return Ok(None) };
     let packed = match format {
         Format::Ply => still(read_ply(path)?),
         Format::Spz => still(spz::read(path)?),
@@ -171,13 +183,16 @@ pub fn read_packed(path: &Path) -> Result<Option<Packed>> {
             }
             Packed { splats: contents.splats, motion: contents.motion, samples: 0 }
         }
-        Format::Usda => bail!("{}: OpenUSD is written and not read; expected .ply, .spz or .glb", path.display()),
+        Format::Usda => bail!("{}: OpenUSD is written and not read; expected {READ}", path.display()),
     };
     without_empty_rows(path, packed).map(Some)
 }
 
 fn read_ply(path: &Path) -> Result<Splats> {
     let scene = ply::read(path)?;
+    if let Some(left_out) = &scene.left_out {
+        tracing::warn!("{}: {left_out}", path.display());
+    }
     if scene.sh_degree > 3 {
         tracing::warn!("{}: spherical harmonics of degree {} were cut to degree 3", path.display(), scene.sh_degree);
     }
