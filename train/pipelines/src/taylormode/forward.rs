@@ -181,8 +181,9 @@ impl Formation<'_> {
         let blurred = blurred_color(sharp, path, weights.clone(), mixing);
         let formed = pixels.paste(blurred.clone(), centre.color.clone());
 
+        let taken = photo.taken(blurred.unsqueeze()).squeeze_dim(0);
         let mut loss = self.sharp_term(&centre, Some(formed.clone())) * prior.sharp
-            + losses::blur_loss(blurred.clone(), pixels.of(photo.image.clone()), count) * prior.blur;
+            + losses::blur_loss(taken, pixels.of(photo.image.clone()), count) * prior.blur;
         if let Some(weights) = weights.filter(|_| prior.smooth > 0.0) {
             loss = loss + losses::smoothness_loss(weights, count) * prior.smooth;
         }
