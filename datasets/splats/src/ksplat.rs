@@ -25,7 +25,7 @@ const HARMONICS: f32 = 1.5;
 /// Reads a `.ksplat` file.
 ///
 /// # Errors
-/// When the file cannot be read, is of another version, or is cut short.
+/// When the file cannot be read, is of another version, is cut short, or holds a value that is not finite.
 pub fn read(path: &Path) -> Result<Splats, FileError> {
     decode(&guarded::read(path, FILE_MAX)?).map_err(|message| FileError::wrong(path, message))
 }
@@ -63,6 +63,7 @@ pub fn decode(file: &[u8]) -> Result<Splats, String> {
     for section in &sections {
         section.read(&mut rest, &mut splats)?;
     }
+    splats.check()?;
     Ok(splats)
 }
 

@@ -12,14 +12,11 @@ use std::path::Path;
 
 use gs_base::{FileError, guarded};
 
-use crate::splats::{SH_C0, logit};
+use crate::splats::{ALPHA_LEAST, SH_C0, logit};
 use crate::{COUNT_MAX, FILE_MAX, Splats};
 
 /// Bytes of a Gaussian.
 const ROW: usize = 32;
-
-/// The half-step by which opacities 0 and 255 are read: their logits would be infinite.
-pub(crate) const ALPHA_LEAST: f64 = 0.5 / 255.0;
 
 /// The least standard deviation that is read, scene units: zero has no logarithm.
 const SCALE_LEAST: f32 = 1e-10;
@@ -27,7 +24,7 @@ const SCALE_LEAST: f32 = 1e-10;
 /// Reads a `.splat` file.
 ///
 /// # Errors
-/// When the file cannot be read, or is no whole number of Gaussians.
+/// When the file cannot be read, is no whole number of Gaussians, or holds a value that is not finite.
 pub fn read(path: &Path) -> Result<Splats, FileError> {
     decode(&guarded::read(path, FILE_MAX)?).map_err(|message| FileError::wrong(path, message))
 }
@@ -52,6 +49,7 @@ pub fn decode(file: &[u8]) -> Result<Splats, String> {
         push_color(&mut splats, [row[24], row[25], row[26], row[27]]);
         splats.quats.push([row[28], row[29], row[30], row[31]].map(|byte| (f32::from(byte) - 128.0) / 128.0));
     }
+    splats.check()?;
     Ok(splats)
 }
 
@@ -62,7 +60,7 @@ pub(crate) fn log_scale(scale: f32) -> f32 {
 
 /// Adds a colour and an opacity in bytes.
 pub(crate) fn push_color(splats: &mut Splats, [red, green, blue, alpha]: [u8; 4]) {
-    splats.sh.push([red, green, blue].map(|byte| (f32::from(byte) / 255.0 - 0.5) / SH_C0));
+    splats.sh.push([red, green, blue].map(|byte| (f32::from(byte) / 255.0 - 0.5) / SH_C0 as f32));
     splats.opacity_logits.push(logit(f64::from(alpha) / 255.0, ALPHA_LEAST));
 }
 
@@ -79,7 +77,7 @@ mod tests {
         assert_eq!(splats.means, [[1.0, -2.0, 3.0]]);
         assert_eq!(splats.log_scales, [[0.1_f32.ln(), 0.2_f32.ln(), 1e-10_f32.ln()]]);
         assert_eq!(splats.quats, [[127.0 / 128.0, 0.0, -0.5, 0.0]]);
-        assert_eq!(splats.sh, [[0.5 / SH_C0, -0.5 / SH_C0, -0.3 / SH_C0].map(|x: f32| x)]);
+        assert_eq!(splats.sh, [[0.5, -0.5, -0.3].map(|x: f32| x / SH_C0 as f32)]);
         assert!((splats.opacity_logits[0] - 4.0_f32.ln()).abs() < 1e-5);
         splats.check().expect("finite");
         assert!(decode(&row[1..]).is_err());

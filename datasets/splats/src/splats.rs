@@ -1,7 +1,10 @@
 //! Gaussians on the host.
 
 /// The zeroth real spherical harmonic, `1 / (2 sqrt(pi))`.
-pub(crate) const SH_C0: f32 = 0.282_094_8;
+pub(crate) const SH_C0: f64 = 0.282_094_791_773_878_14;
+
+/// The half-step by which opacities of the bytes 0 and 255 are read: their logits would be infinite.
+pub(crate) const ALPHA_LEAST: f64 = 0.5 / 255.0;
 
 /// `N` Gaussians, axes as in the [crate's documentation](crate).
 #[derive(Debug, Clone, PartialEq, Default)]

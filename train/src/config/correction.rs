@@ -4,7 +4,7 @@ use super::ranges::{NOT_NEGATIVE, POSITIVE};
 use crate::{choice, section};
 
 choice! {
-    /// What is learned of the exposure and white balance of photos.
+    /// The model of a photo's exposure and white balance.
     pub enum CorrectionMode {
         /// `gain` where photos disagree about the colours of points that they share, else `none`.
         Auto,
@@ -18,7 +18,7 @@ choice! {
 }
 
 choice! {
-    /// What has a correction of its own.
+    /// The sources of photos that have a correction each.
     pub enum CorrectionPer {
         /// A camera where its photos agree with each other, else a photo.
         Auto,
@@ -31,11 +31,11 @@ choice! {
 
 section! {
     /// Options of the learned exposure and white balance, by which a rendering is compared with a photo. Held-out
-    /// photos are compared with the mean of their camera's photos, or of all; a second PSNR fits colours to each.
+    /// photos take the mean of their camera's nearest photos; a second PSNR fits colours to each.
     pub struct CorrectionConfig {
-        /// What is learned.
+        /// The model that is learned.
         mode: CorrectionMode = CorrectionMode::Auto;
-        /// What has a correction of its own.
+        /// The sources that have a correction each.
         per: CorrectionPer = CorrectionPer::Auto;
         /// Learning rate at the first step, falling to a tenth; natural logarithms of gains, shares of white. Larger:
         /// corrections follow single photos' errors.

@@ -61,7 +61,7 @@ fn apart(view: &View, others: &[&View]) -> Vec<f64> {
     others.iter().zip(distances).map(|(other, distance)| distance / mean + angle(other)).collect()
 }
 
-/// What has a correction: a photo, with its camera if that is known, or a camera.
+/// A photo, with its camera if that is known, or a camera: each has a correction of its own.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Source {
     /// The photo's name; `None`: all photos of the camera.
@@ -96,8 +96,8 @@ impl Correction {
             CorrectionMode::Affine => true,
             CorrectionMode::Auto | CorrectionMode::Gain => false,
         };
-        let found = [CorrectionPer::Camera, CorrectionPer::Photo].map(|per| Found::of(views, points, per, config));
-        let [camera, photo] = found;
+        let [camera, photo] =
+            [CorrectionPer::Camera, CorrectionPer::Photo].map(|per| Found::of(views, points, per, config));
         let chosen = match (camera, photo) {
             (Some(camera), Some(photo)) if photo.left() < OWN * camera.left() => photo,
             (Some(camera), _) => camera,
@@ -135,12 +135,8 @@ impl Correction {
         if let Some(own) = self.of(view) {
             return Some(own);
         }
-        let of_camera = |other: &&View| view.camera_id.is_some() && other.camera_id == view.camera_id;
-        let mut same: Vec<&View> = train.iter().filter(of_camera).collect();
-        if same.is_empty() {
-            // A camera that no training photo is of has an exposure of its own.
-            same = train.iter().filter(|other| view.camera_id.is_none() && other.camera_id.is_none()).collect();
-        }
+        // A camera that no training photo is of has an exposure of its own.
+        let same: Vec<&View> = train.iter().filter(|other| other.camera_id == view.camera_id).collect();
         let apart = apart(view, &same);
         let mut rows: Vec<(f64, usize)> =
             same.iter().zip(apart).filter_map(|(other, apart)| Some((apart, self.row(other)?))).collect();
@@ -168,18 +164,14 @@ impl Correction {
         let weights: Vec<f32> = rows.iter().map(|(_, weight)| *weight as f32).collect();
         let indices = Tensor::from_data(TensorData::from(indices.as_slice()), &device);
         let weights = Tensor::<2>::from_data(TensorData::new(weights, [rows.len(), 1]), &device);
-        let sum = |table: Tensor<2>| {
-            let centred = table.clone() - table.mean_dim(0);
-            (centred.select(0, indices.clone()) * weights.clone()).sum_dim(0)
-        };
+        let sum = |table: Tensor<2>| (centred(table).select(0, indices.clone()) * weights.clone()).sum_dim(0);
         ColorChange { gain: sum(self.gains.val()).exp(), affine: self.affine.as_ref().map(|affine| sum(affine.val())) }
     }
 
     /// The mean square of all corrections, `[1]`.
     pub fn size(&self) -> Tensor<1> {
-        let square = |table: Tensor<2>| (table.clone() - table.mean_dim(0)).powi_scalar(2).mean();
-        let gains = square(self.gains.val());
-        self.affine.as_ref().map_or(gains.clone(), |affine| gains + square(affine.val()))
+        let gains = mean_square(self.gains.val());
+        self.affine.as_ref().map_or(gains.clone(), |affine| gains + mean_square(affine.val()))
     }
 
     /// One step of its tensors, whose paths begin with `correction.`.
@@ -191,9 +183,7 @@ impl Correction {
 
     /// Root mean square of the gains over sources and channels, a share.
     pub fn spread(&self) -> f64 {
-        let gains = self.gains.val();
-        let square = (gains.clone() - gains.mean_dim(0)).powi_scalar(2).mean();
-        f64::from(square.into_scalar::<f32>()).sqrt()
+        f64::from(mean_square(self.gains.val()).into_scalar::<f32>()).sqrt()
     }
 
     /// A line about it for people.
@@ -206,6 +196,16 @@ impl Correction {
         };
         format!("{what}, which differ by {:.1} % (root mean square)", 100.0 * self.spread())
     }
+}
+
+/// A table less the mean of its rows.
+fn centred(table: Tensor<2>) -> Tensor<2> {
+    table.clone() - table.mean_dim(0)
+}
+
+/// The mean square of [`centred`], `[1]`.
+fn mean_square(table: Tensor<2>) -> Tensor<1> {
+    centred(table).powi_scalar(2).mean()
 }
 
 /// The change of a rendering's colours to those of a photo.

@@ -105,8 +105,7 @@ impl<'a, X: Extra> Photos<'a, X> {
             return photo.clone();
         }
         let view = &self.views[index];
-        let extra = (self.extra)(view, index, &self.device);
-        let photo = Photo { index, pixel: self.pixel, ..upload(view, &self.device, extra) };
+        let photo = self.upload(index);
         let channels = 3 + usize::from(photo.mask.is_some()) + photo.extra.floats_per_pixel();
         let bytes = 4 * view.width * view.height * channels;
         if bytes <= self.room {
@@ -115,18 +114,19 @@ impl<'a, X: Extra> Photos<'a, X> {
         }
         photo
     }
-}
 
-fn upload<X>(view: &View, device: &Device, extra: X) -> Photo<X> {
-    Photo {
-        camera: camera(view, device),
-        image: to_tensor(view, &view.image.data, 3, device),
-        mask: mask_of(view, device),
-        time: view.time.unwrap_or(0.0),
-        pixel: 1.0,
-        index: 0,
-        color: None,
-        extra,
+    fn upload(&self, index: usize) -> Photo<X> {
+        let (view, device) = (&self.views[index], &self.device);
+        Photo {
+            camera: camera(view, device),
+            image: to_tensor(view, &view.image.data, 3, device),
+            mask: mask_of(view, device),
+            time: view.time.unwrap_or(0.0),
+            pixel: self.pixel,
+            index,
+            color: None,
+            extra: (self.extra)(view, index, device),
+        }
     }
 }
 

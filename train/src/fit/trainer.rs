@@ -1,5 +1,6 @@
 //! The state of a training and its step: render, compare, backward, update, density control.
 
+use std::borrow::Cow;
 use std::ops::{Deref, DerefMut};
 
 use burn::module::{Module, ModuleDisplay};
@@ -42,9 +43,10 @@ impl<M: Module + ModuleDisplay> Model<M> {
     }
 
     /// Some photos of `views` with the changes of their colours, in this model's graph.
-    fn taken<X: Clone>(&self, photos: &[Photo<X>], views: &[View]) -> Vec<Photo<X>> {
-        let color = |photo: &Photo<X>| self.correction.as_ref()?.of(&views[photo.index]);
-        photos.iter().map(|photo| Photo { color: color(photo), ..photo.clone() }).collect()
+    fn taken<'a, X: Clone>(&self, photos: &'a [Photo<X>], views: &[View]) -> Cow<'a, [Photo<X>]> {
+        let Some(correction) = &self.correction else { return Cow::Borrowed(photos) };
+        let colored = |photo: &Photo<X>| Photo { color: correction.of(&views[photo.index]), ..photo.clone() };
+        Cow::Owned(photos.iter().map(colored).collect())
     }
 }
 

@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DMat4, DVec3};
 use gs_base::Intrinsics;
-use gs_datasets::{Priors, RgbImage8, Scene, SceneFormat, Truth, View};
-use gs_worlds::deblur::{DeblurOptions, write};
+use gs_datasets::{LoadOptions, Priors, RgbImage8, Scene, SceneFormat, Truth, View, load};
+use gs_worlds::deblur::{self, DeblurOptions, write};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
@@ -161,4 +161,19 @@ pub fn written(options: &DeblurOptions) -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), options, |_, _| {}).expect("written");
     folder
+}
+
+/// Sharp photos of a still world on an arc, and so many points of it.
+pub fn still_world(cameras: usize, points: usize) -> Scene {
+    let folder = written(&DeblurOptions {
+        world: deblur::World::Lychee,
+        width: 160,
+        height: 120,
+        cameras,
+        frames: 1,
+        exposure: 0.0,
+        points,
+        ..DeblurOptions::default()
+    });
+    load(folder.path(), &LoadOptions::default()).expect("a scene")
 }

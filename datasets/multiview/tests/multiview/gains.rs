@@ -1,23 +1,12 @@
 //! Gains of photos are recovered from points that they share, and there are none where photos agree.
 
-use gs_datasets::{LoadOptions, Scene, View, load};
+use gs_datasets::{Scene, View};
 use gs_multiview::{Gains, gains, plane_sweep};
-use gs_worlds::deblur::{DeblurOptions, World};
 
-use crate::fixture::written;
+use crate::fixture::still_world;
 
-fn still_world() -> (Scene, Vec<[f32; 3]>) {
-    let folder = written(&DeblurOptions {
-        world: World::Lychee,
-        width: 160,
-        height: 120,
-        cameras: 9,
-        frames: 1,
-        exposure: 0.0,
-        points: 0,
-        ..DeblurOptions::default()
-    });
-    let scene = load(folder.path(), &LoadOptions::default()).expect("a scene");
+fn photos_and_points() -> (Scene, Vec<[f32; 3]>) {
+    let scene = still_world(9, 0);
     let points = plane_sweep(&scene.train, 1.0, 12.0, 1500, 3).positions;
     (scene, points)
 }
@@ -34,7 +23,7 @@ fn each(views: &[View]) -> Vec<usize> {
 
 #[test]
 fn gains_of_channels_are_recovered() {
-    let (mut scene, points) = still_world();
+    let (mut scene, points) = photos_and_points();
     let agreed = gains(&scene.train, &each(&scene.train), &points).expect("enough points");
     let factors: Vec<[f64; 3]> =
         (0..scene.train.len()).map(|i| [[0.80, 1.00, 0.9], [1.0, 0.85, 0.7], [0.75, 0.75, 0.75]][i % 3]).collect();
@@ -53,7 +42,7 @@ fn gains_of_channels_are_recovered() {
 /// All photos of a source have one gain.
 #[test]
 fn cameras_have_one_gain() {
-    let (mut scene, points) = still_world();
+    let (mut scene, points) = photos_and_points();
     let sources: Vec<usize> = (0..scene.train.len()).map(|i| i % 2).collect();
     scene.train.iter_mut().skip(1).step_by(2).for_each(|view| multiply(view, [0.8; 3]));
     let Gains { logarithms, .. } = gains(&scene.train, &sources, &points).expect("enough points");
@@ -66,7 +55,7 @@ fn cameras_have_one_gain() {
 
 #[test]
 fn too_little_gives_none() {
-    let (mut scene, points) = still_world();
+    let (mut scene, points) = photos_and_points();
     let sources = each(&scene.train);
     assert_eq!(gains(&scene.train, &sources, &[]), None);
     assert_eq!(gains(&scene.train, &sources, &points[..10]), None);

@@ -1,24 +1,9 @@
 //! Points where photos agree lie on surfaces, and there are none where nothing can agree.
 
-use gs_datasets::{LoadOptions, PointCloud, Scene, load};
+use gs_datasets::{PointCloud, Scene};
 use gs_multiview::{plane_sweep, plane_sweep_around};
-use gs_worlds::deblur::{DeblurOptions, World};
 
-use crate::fixture::written;
-
-fn still_world() -> Scene {
-    let folder = written(&DeblurOptions {
-        world: World::Lychee,
-        width: 160,
-        height: 120,
-        cameras: 9,
-        frames: 1,
-        exposure: 0.0,
-        points: 0,
-        ..DeblurOptions::default()
-    });
-    load(folder.path(), &LoadOptions::default()).expect("a scene")
-}
+use crate::fixture::still_world;
 
 /// Of the points before the held-out camera, which the sweep does not see: how many there are, how many lie on or
 /// behind what is seen, and their depths over the true ones, sorted.
@@ -49,7 +34,7 @@ fn against_truth(scene: &Scene, points: &PointCloud) -> (i32, i32, Vec<f64>) {
 
 #[test]
 fn points_lie_on_surfaces() {
-    let scene = still_world();
+    let scene = still_world(9, 0);
     let points = plane_sweep(&scene.train, 1.0, 12.0, 800, 3);
     assert!(points.len() > 400, "{} points", points.len());
     assert_eq!(points, plane_sweep(&scene.train, 1.0, 12.0, 800, 3), "the same seed gives the same points");
@@ -65,7 +50,7 @@ fn points_lie_on_surfaces() {
 /// Points near known ones lie on surfaces as well, and closer to them: the parabola finds depths between two steps.
 #[test]
 fn known_points_lead_to_more() {
-    let scene = still_world();
+    let scene = still_world(9, 0);
     let known = plane_sweep(&scene.train, 1.0, 12.0, 300, 3);
     let around = |seed| plane_sweep_around(&scene.train, &known.positions, 4.0, 800, seed);
     let points = around(4);
@@ -87,7 +72,7 @@ fn known_points_lead_to_more() {
 
 #[test]
 fn nothing_known_gives_nothing() {
-    let scene = still_world();
+    let scene = still_world(9, 0);
     assert_eq!(plane_sweep_around(&scene.train, &[], 4.0, 100, 0).len(), 0);
     assert_eq!(plane_sweep_around(&scene.train, &[[0.0; 3]; 3], 4.0, 100, 0).len(), 0, "too few to span depths");
     assert_eq!(plane_sweep_around(&scene.train, &[[f32::NAN; 3]; 100], 4.0, 100, 0).len(), 0, "not finite");
@@ -99,7 +84,7 @@ fn nothing_known_gives_nothing() {
 
 #[test]
 fn nothing_to_agree_on_gives_nothing() {
-    let mut scene = still_world();
+    let mut scene = still_world(9, 0);
     assert_eq!(plane_sweep(&scene.train[..2], 1.0, 12.0, 100, 0).len(), 0, "two photos");
     for [near, far] in [[0.0, 1.0], [2.0, 1.0], [1.0, f64::INFINITY], [f64::NAN, 1.0]] {
         assert_eq!(plane_sweep(&scene.train, near, far, 100, 0).len(), 0, "depths from {near} to {far}");

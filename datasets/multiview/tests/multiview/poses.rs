@@ -5,27 +5,14 @@ use std::sync::OnceLock;
 use glam::{DMat4, DVec3};
 use gs_datasets::{LoadOptions, PointCloud, PoseConvention, Scene, View, load};
 use gs_multiview::{Camera, PointsFault, PoseJudgement, PoseVerdict, judge_poses, pose_pairs};
-use gs_worlds::deblur::{DeblurOptions, World};
 use gs_worlds::extrapolation::{self, ExtrapolationOptions};
 
-use crate::fixture::written;
+use crate::fixture;
 
 /// Photos of a still world on an arc, and its points; traced once.
 fn still_world() -> &'static Scene {
     static WORLD: OnceLock<Scene> = OnceLock::new();
-    WORLD.get_or_init(|| {
-        let folder = written(&DeblurOptions {
-            world: World::Lychee,
-            width: 160,
-            height: 120,
-            cameras: 14,
-            frames: 1,
-            exposure: 0.0,
-            points: 400,
-            ..DeblurOptions::default()
-        });
-        load(folder.path(), &LoadOptions::default()).expect("a scene")
-    })
+    WORLD.get_or_init(|| fixture::still_world(14, 400))
 }
 
 const READ: &str = "c2w-opengl";

@@ -16,13 +16,10 @@ use gs_base::ply::{Element, Encoding, Header};
 use super::source::{Records, Source, cut, missing, too_many};
 use super::{REST_KEPT, REST_PER_CHANNEL};
 use crate::COUNT_MAX;
+use crate::splats::{ALPHA_LEAST, SH_C0};
 
 /// Gaussians in a chunk.
 const CHUNK: usize = 256;
-/// The first harmonic, by which colours of the file become coefficients.
-const SH_C0: f64 = 0.282_094_791_773_878_14;
-/// Half a step of an opacity of 8 bits: 0 and 1 would have no finite logit.
-const OPACITY_LEAST: f64 = 0.5 / 255.0;
 
 const RANGES: [&str; 6] = ["x", "y", "z", "scale_x", "scale_y", "scale_z"];
 const COLOURS: [&str; 3] = ["r", "g", "b"];
@@ -161,7 +158,7 @@ fn unpack(ranges: &[f64], words: &[f64], record: &mut Vec<f64>) {
     let scale = three(scale);
     record.extend([0, 1, 2].map(|a| between(3 + a, scale[a])));
     let [red, green, blue, opacity] = [24, 16, 8, 0].map(|shift| f64::from(colour >> shift & 255) / 255.0);
-    let opacity = opacity.clamp(OPACITY_LEAST, 1.0 - OPACITY_LEAST);
+    let opacity = opacity.clamp(ALPHA_LEAST, 1.0 - ALPHA_LEAST);
     record.push((opacity / (1.0 - opacity)).ln());
     let colours = [red, green, blue];
     let has_ranges = ranges.len() > 2 * RANGES.len();

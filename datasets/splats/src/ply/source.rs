@@ -114,8 +114,8 @@ impl Records {
             return Err(FileError::malformed(path, format!("vertex {vertex}"), expected, found));
         }
         let left_out = format!(
-            "{broken} of {count} vertices were left out, because a value is not finite: `{property}` of vertex {vertex} is \
-             {found}"
+            "{broken} of {count} vertices were left out, because a value is not finite: `{property}` of vertex \
+             {vertex} is {found}"
         );
         Ok(Self { left_out: Some(left_out), ..self })
     }

@@ -32,5 +32,3 @@ const SCALE_STEPS: f32 = 16.0;
 const SCALE_LEAST: f32 = -10.0;
 /// Share of a colour's byte that a unit of `f_dc` takes.
 const COLOUR: f32 = 0.15;
-/// The half-step by which alphas 0 and 255 are read: their logits would be infinite.
-const ALPHA_LEAST: f64 = 0.5 / 255.0;

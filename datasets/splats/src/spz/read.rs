@@ -10,9 +10,9 @@ use gs_base::{FileError, guarded};
 
 use super::rotation::{unpack, unpack_v2};
 use super::zstd;
-use super::{ALPHA_LEAST, ANTIALIASED, COLOUR, HEADER, MAGIC, OFFSET, SCALE_LEAST, SCALE_STEPS};
+use super::{ANTIALIASED, COLOUR, HEADER, MAGIC, OFFSET, SCALE_LEAST, SCALE_STEPS};
 use crate::bounded::Bytes;
-use crate::splats::logit;
+use crate::splats::{ALPHA_LEAST, logit};
 use crate::turn::flip;
 use crate::{COUNT_MAX, FILE_MAX, MARK, Splats};
 

@@ -105,20 +105,9 @@ fn cells_are_means_over_seeds() {
 /// Runs are trained where they are missing, and kept where they are finished.
 #[test]
 fn runs_fill_the_rows() {
-    use gs_worlds::still::{self, StillOptions};
     let temporary = tempfile::tempdir().expect("a folder");
     let root = temporary.path();
-    let scene = root.join("scene");
-    let options = StillOptions {
-        train_views: 5,
-        test_views: 2,
-        width: 40,
-        height: 30,
-        points: 150,
-        seed: 1,
-        ..StillOptions::default()
-    };
-    still::write(&scene, &options, |_, _| ()).expect("the scene is written");
+    let scene = crate::tests::tiny_scene(root);
     let git = |args: &[&str]| std::process::Command::new("git").args(args).current_dir(root).output();
     let made = git(&["init"])
         .and_then(|_| git(&["-c", "user.name=t", "-c", "user.email=t@t", "commit", "--allow-empty", "-m", "first"]));

@@ -12,11 +12,10 @@ use gs_train::run::lock::Lock;
 use gs_train::run::outcome::Contents;
 use gs_train::run::watch::Job;
 use gs_train::sentence::one_sentence;
-use gs_worlds::still::{self, StillOptions};
 use gsburn::commands::train::train_and_report;
 use gsburn::report::comparison::gather;
 
-use super::device;
+use super::{device, tiny_scene};
 use crate::cli::Cli;
 
 /// The laboratory called with these words.
@@ -28,22 +27,6 @@ fn gs_lab(words: &[&str]) -> Result<ExitCode> {
 /// The one sentence of a call that must fail.
 fn fails(words: &[&str]) -> String {
     one_sentence(&gs_lab(words).expect_err("a sentence"))
-}
-
-/// Writes a tiny static scene and returns its path.
-fn tiny_scene(folder: &Path) -> PathBuf {
-    let path = folder.join("scene");
-    let options = StillOptions {
-        train_views: 5,
-        test_views: 2,
-        width: 40,
-        height: 30,
-        points: 150,
-        seed: 1,
-        ..StillOptions::default()
-    };
-    still::write(&path, &options, |_, _| ()).expect("the scene is written");
-    path
 }
 
 /// Trains three steps, or until it is stopped.

@@ -9,10 +9,11 @@ mod misses;
 mod sparsedyn;
 mod taylormode;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use burn::tensor::Device;
 use gs_burn::device::{BACKENDS, select};
+use gs_worlds::still::{self, StillOptions};
 
 use crate::experiments::{Outcome, PIPELINES, Request, run};
 use misses::{FULL, QUICK, holds};
@@ -93,4 +94,20 @@ fn unknown_names_are_refused() {
         let message = experiment(folder.path(), (pipeline, name), true).expect_err("unknown").to_string();
         assert!(message.contains(name) && message.contains(known), "{message}");
     }
+}
+
+/// Writes a tiny static scene and returns its path.
+pub(crate) fn tiny_scene(folder: &Path) -> PathBuf {
+    let path = folder.join("scene");
+    let options = StillOptions {
+        train_views: 5,
+        test_views: 2,
+        width: 40,
+        height: 30,
+        points: 150,
+        seed: 1,
+        ..StillOptions::default()
+    };
+    still::write(&path, &options, |_, _| ()).expect("the scene is written");
+    path
 }

@@ -169,7 +169,6 @@ pub fn read_packed(path: &Path) -> Result<Option<Packed>> {
         _ => None,
     };
     if let Some(splats) = of_viewer {
-        splats.check().map_err(|found| anyhow::anyhow!("{}: {found}", path.display()))?;
         return without_empty_rows(path, still(splats)).map(Some);
     }
     let Some(format) = Format::of(path).filter(|_| !path.is_dir()) else { return Ok(None) };
