@@ -22,10 +22,10 @@ const STEPS: u32 = 32767;
 /// Range of harmonics in bytes, where a file does not say.
 const HARMONICS: f32 = 1.5;
 
-/// Reads a `.ksplat` file.
+/// Reads a `.ksplat` file; values may be not finite.
 ///
 /// # Errors
-/// When the file cannot be read, is of another version, is cut short, or holds a value that is not finite.
+/// When the file cannot be read, is of another version, or is cut short.
 pub fn read(path: &Path) -> Result<Splats, FileError> {
     decode(&guarded::read(path, FILE_MAX)?).map_err(|message| FileError::wrong(path, message))
 }
@@ -63,7 +63,6 @@ pub fn decode(file: &[u8]) -> Result<Splats, String> {
     for section in &sections {
         section.read(&mut rest, &mut splats)?;
     }
-    splats.check()?;
     Ok(splats)
 }
 

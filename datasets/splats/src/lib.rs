@@ -1,7 +1,7 @@
 //! Files of 3D Gaussians. Knows slices, nothing of tensors or training.
 //!
 //! [`Splats`] are Gaussians on the host, [`Motion`] says how some of them move. [`ply`] (the layout of 3DGS), [`spz`]
-//! and [`glb`] are read and written, [`splat`] and [`ksplat`] are read, [`usda`] is written.
+//! and [`glb`] are read and written, [`splat`], [`ksplat`] and [`sog`] are read, [`usda`] is written.
 //! `docs/formats.md` has the layouts.
 //!
 //! # Axes
@@ -13,10 +13,12 @@
 mod bounded;
 mod carried;
 pub mod glb;
+mod json;
 pub mod ksplat;
 mod motion;
 pub mod ply;
 mod sh_rotation;
+pub mod sog;
 pub mod splat;
 mod splats;
 pub mod spz;

@@ -83,11 +83,11 @@ impl Splats {
             && all(self.sh[index * s..][..s].as_flattened())
     }
 
-    /// The rows whose rotation is four zeros, which is none: a program that wrote more rows than it had Gaussians
-    /// leaves such rows.
-    pub fn without_rotation(&self) -> Vec<u32> {
-        let is_zero = |row: &u32| self.quats[*row as usize].iter().all(|x| *x == 0.0);
-        (0..self.len() as u32).filter(is_zero).collect()
+    /// The rows that are no Gaussians: a value is not finite, or the rotation is four zeros, as in rows that a program
+    /// wrote beyond its last Gaussian.
+    pub fn broken(&self) -> Vec<u32> {
+        let is_broken = |row: &u32| !self.is_finite(*row as usize) || self.quats[*row as usize] == [0.0; 4];
+        (0..self.len() as u32).filter(is_broken).collect()
     }
 
     /// With more harmonics, which are zero, up to `degree`.

@@ -13,7 +13,7 @@ use gs_splats::{Splats, ply};
 
 use super::checkpoint::Checkpoint;
 use super::exchange::host::{gaussians_of, splats_of};
-use super::exchange::{MotionScene, Packed, READ, motion_of, offset_note, read_packed, refuse_foreign};
+use super::exchange::{MotionScene, Packed, READ, motion_of, offset_note, read_packed};
 use super::folder::RunFolder;
 use super::presentation::{Camera, Presentation, PresentedScene};
 use crate::config::{Config, RenderConfig, brief};
@@ -188,17 +188,16 @@ pub fn read_file(path: &Path) -> Result<SceneFile> {
     let checkpoint =
         |path: &Path| -> Result<SceneFile> { Ok(SceneFile::Checkpoint(Box::new(Checkpoint::load(path)?))) };
     if path.is_dir() {
-        let Some((_, newest)) = RunFolder::at(path).saved().pop() else {
-            refuse_foreign(path)?;
-            bail!("{}: expected a run folder with a checkpoint, found none", path.display());
-        };
-        return checkpoint(&newest);
+        if let Some((_, newest)) = RunFolder::at(path).saved().pop() {
+            return checkpoint(&newest);
+        }
     }
     if path.extension().is_some_and(|extension| extension == "safetensors") {
         return checkpoint(path);
     }
     match read_packed(path)? {
         Some(packed) => Ok(SceneFile::Ply(Box::new(packed))),
+        None if path.is_dir() => bail!("{}: expected a run folder with a checkpoint, found none", path.display()),
         None => {
             bail!("{}: expected a run folder, a .safetensors checkpoint or a scene ({READ})", path.display())
         }

@@ -3,9 +3,9 @@
 use gs_base::npy::Number;
 use serde_json::{Value, json};
 
-use super::json::{at, index, index_or_0};
 use super::{BYTE, FLOAT, SHORT, UNSIGNED_BYTE, UNSIGNED_INT, UNSIGNED_SHORT};
 use crate::COUNT_MAX;
+use crate::json::{at, index, index_or_0};
 
 /// Arrays that become accessors of the one buffer.
 #[derive(Default)]

@@ -5,7 +5,6 @@
 //! Gaussians, the transforms of their nodes, and the whole numbers that the extension allows.
 
 mod arrays;
-mod json;
 mod motion;
 mod nodes;
 mod placed;

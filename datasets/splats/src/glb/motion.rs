@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use super::arrays::{Accessors, Arrays};
-use super::json::{at, index, list, number};
 use super::{MOTION, MOTION_VERSIONS};
+use crate::json::{at, index, list, number};
 use crate::splats::unit_xyzw;
 use crate::{Beyond, Carried, Carrier, Keys, Law, Motion, Series, SeriesLaw, Shape, TimeFunction};
 

@@ -3,7 +3,7 @@
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use serde_json::Value;
 
-use super::json::{index, list};
+use crate::json::{index, list};
 
 /// A mesh, and its place in the world.
 pub(super) struct Shown {

@@ -4,9 +4,9 @@ use gs_base::local::is_offset;
 use serde_json::Value;
 
 use super::arrays::Accessors;
-use super::json::{at, index};
 use super::{OPACITY_LEAST, SPLATS, harmonic_name};
 use crate::Splats;
+use crate::json::{at, index};
 use crate::splats::logit;
 
 /// A size nearer to 0 than this, scene units, has no use for a finite logarithm: flat Gaussians have sizes of 0 in

@@ -8,11 +8,11 @@ use gs_base::{FileError, guarded};
 use serde_json::Value;
 
 use super::arrays::Accessors;
-use super::json::{at, list};
 use super::nodes::{Shown, shown};
 use super::placed::Place;
 use super::{BIN_CHUNK, JSON_CHUNK, MAGIC, MOTION, SPLATS, motion, primitive};
 use crate::bounded::Bytes;
+use crate::json::{at, list};
 use crate::turn::{flip, flip_motion, moved};
 use crate::{COUNT_MAX, FILE_MAX, Law, Motion, Splats};
 

@@ -21,7 +21,7 @@ docs/formats.md has the layouts, and what each of them loses.";
 #[derive(Debug, Args)]
 #[command(after_help = EXPORT_EXAMPLES)]
 pub struct ExportArgs {
-    /// A run folder, a checkpoint (.safetensors) or a scene (.ply, .spz, .glb, .splat, .ksplat)
+    /// A run folder, a checkpoint (.safetensors) or a scene (.ply, .spz, .glb, .sog, .splat, .ksplat)
     #[arg(value_hint = ValueHint::AnyPath)]
     pub scene: PathBuf,
 
@@ -67,7 +67,8 @@ pub struct ExportArgs {
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
 pub struct ConvertArgs {
-    /// The file to read: .ply (also compressed by PlayCanvas), .spz (2 to 4), .glb, .splat or .ksplat
+    /// The file to read: .ply (also compressed by PlayCanvas), .spz (2 to 4), .glb, .sog or a SOG folder, .splat or
+    /// .ksplat
     #[arg(value_name = "FROM", value_hint = ValueHint::FilePath)]
     pub from: PathBuf,
 

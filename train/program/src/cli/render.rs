@@ -28,7 +28,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = RENDER_EXAMPLES)]
 pub struct RenderArgs {
-    /// A run folder, a checkpoint (.safetensors) or a scene (.ply, .spz, .glb, .splat, .ksplat)
+    /// A run folder, a checkpoint (.safetensors) or a scene (.ply, .spz, .glb, .sog, .splat, .ksplat)
     #[arg(value_hint = ValueHint::AnyPath)]
     pub scene: PathBuf,
 

@@ -19,7 +19,7 @@ gsburn render does. Drag turns the scene; the line of keys is in the page. docs/
 #[derive(Debug, Args)]
 #[command(after_help = VIEW_EXAMPLES)]
 pub struct ViewArgs {
-    /// A run folder, a checkpoint (.safetensors) or a scene (.ply, .spz, .glb, .splat, .ksplat)
+    /// A run folder, a checkpoint (.safetensors) or a scene (.ply, .spz, .glb, .sog, .splat, .ksplat)
     #[arg(value_hint = ValueHint::AnyPath)]
     pub scene: PathBuf,
 

@@ -70,7 +70,7 @@ fn a_scene_goes_through_every_format() {
         (["convert", "out/scene.usda", "x.ply"], "written and not read"),
         (["convert", "out/scene.ply", "x.splat"], ".ply, .spz, .glb or .usda"),
         (["convert", "none.ply", "x.spz"], "found nothing"),
-        (["convert", "scene", "x.spz"], "expected a scene (.ply, .spz, .glb, .splat or .ksplat)"),
+        (["convert", "scene", "x.spz"], "expected a scene (.ply, .spz, .glb, .sog, .splat or .ksplat)"),
         (["convert", "out/scene.ply", "out/scene.ply"], "the file to read"),
     ] {
         assert!(fails(folder, &args).contains(word), "{args:?}: {}", fails(folder, &args));

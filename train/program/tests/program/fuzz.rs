@@ -151,8 +151,41 @@ fn ksplat() -> Vec<u8> {
     [file, 6_u32.to_le_bytes().to_vec(), vec![0; 12], vec![52; 6 * 24]].concat()
 }
 
+/// A `.sog` archive of six Gaussians of degree 1, files stored as they are.
+fn sog() -> Vec<u8> {
+    use std::io::{Cursor, Write};
+    let codebook = || (0..256).map(|i| (i as f32 / 64.0 - 2.0).to_string()).collect::<Vec<_>>().join(",");
+    let part = |files: &str| format!(r#"{{"codebook":[{}],"files":[{files}],"bands":1}}"#, codebook());
+    let meta = format!(
+        r#"{{"version":2,"count":6,"means":{{"mins":[-1,-1,-1],"maxs":[1,1,1],"files":["a.webp","b.webp"]}},
+        "quats":{{"files":["a.webp"]}},"scales":{},"sh0":{},"shN":{}}}"#,
+        part(r#""a.webp""#),
+        part(r#""b.webp""#),
+        part(r#""c.webp","d.webp""#)
+    );
+    let webp = |width: u32, height: u32, value: u8| {
+        let mut file = Cursor::new(Vec::new());
+        let image = image::RgbaImage::from_pixel(width, height, image::Rgba([value, value, value, 253]));
+        image.write_to(&mut file, image::ImageFormat::WebP).expect("encoded");
+        file.into_inner()
+    };
+    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    let stored = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    let images = [
+        ("a.webp", webp(3, 2, 200)),
+        ("b.webp", webp(3, 2, 9)),
+        ("c.webp", webp(192, 1, 77)),
+        ("d.webp", webp(3, 2, 0)),
+    ];
+    for (name, bytes) in std::iter::once(("meta.json", meta.into_bytes())).chain(images) {
+        archive.start_file(name, stored).expect("a file");
+        archive.write_all(&bytes).expect("written");
+    }
+    archive.finish().expect("an archive").into_inner()
+}
+
 /// The scene in each format that is read, by its ending; an SPZ without its gzip, one of version 4, a glTF with nodes.
-fn scene_seeds(folder: &Path) -> [(&'static str, Vec<Vec<u8>>); 5] {
+fn scene_seeds(folder: &Path) -> [(&'static str, Vec<Vec<u8>>); 6] {
     let packed = Packed { splats: far_scene(), motion: None, samples: 0 };
     let written = |name: &str, format: Format| {
         let path = folder.join(name);
@@ -175,7 +208,9 @@ fn scene_seeds(folder: &Path) -> [(&'static str, Vec<Vec<u8>>); 5] {
     let newer = spz_4([54, 6, 18, 18, 24, 54]);
     let spz = vec![spz, raw, newer];
     let splat = vec![52; 6 * 32];
-    [("ply", vec![ply]), ("spz", spz), ("glb", vec![glb, nodes]), ("splat", vec![splat]), ("ksplat", vec![ksplat()])]
+    let read = [("splat", vec![splat]), ("ksplat", vec![ksplat()]), ("sog", vec![sog()])];
+    let [splat, ksplat, sog] = read;
+    [("ply", vec![ply]), ("spz", spz), ("glb", vec![glb, nodes]), splat, ksplat, sog]
 }
 
 fn scenes(cases: u32) {

@@ -211,7 +211,7 @@ fn rows_of_zeros_are_left_out() {
     }
     assert!(succeeds(folder, &["info", "b.ply"]).contains("Gaussians    20"));
     write(folder, "none.ply", zeros(3));
-    assert!(fails(folder, &["info", "none.ply"]).contains("found 3 rows without a rotation"));
+    assert!(fails(folder, &["info", "none.ply"]).contains("found 3 rows with no rotation"));
 }
 
 /// Every command that takes a scene names the format that it does not read, and the command that converts it.
@@ -220,15 +220,17 @@ fn formats_that_are_not_read_are_named() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     fs::create_dir(folder.join("sog")).expect("a folder");
-    for name in ["a.SOG", "a.gltf", "sog/meta.json", "sog/means_l.webp", "a.usda"] {
+    for name in ["a.lcc", "a.gltf", "a.sog", "a.usda"] {
         fs::write(folder.join(name), "x").expect("written");
     }
+    fs::write(folder.join("sog/meta.json"), r#"{"version": 1}"#).expect("written");
     let spz = [&b"NGSP"[..], &5_u32.to_le_bytes(), &[0; 24]].concat();
     fs::write(folder.join("a.spz"), spz).expect("written");
     for (scene, words) in [
-        ("a.SOG", ["SOG", "`npx @playcanvas/splat-transform a.SOG a.ply`"]),
-        ("sog", ["SOG folder", "`npx @playcanvas/splat-transform sog/meta.json meta.ply`"]),
-        ("sog/meta.json", ["SOG folder", "`npx @playcanvas/splat-transform sog/meta.json meta.ply`"]),
+        ("a.lcc", ["LCC", "`npx @playcanvas/splat-transform a.lcc a.ply`"]),
+        ("a.sog", ["a.sog", "no zip archive"]),
+        ("sog", ["SOG of version 2", "found version 1"]),
+        ("sog/meta.json", ["SOG of version 2", "found version 1"]),
         ("a.gltf", ["glTF as text", "`npx @gltf-transform/cli copy a.gltf a.glb`"]),
         ("a.spz", ["SPZ 5", "not read"]),
         ("a.usda", ["OpenUSD", "written and not read"]),

@@ -1,4 +1,5 @@
-//! Scenes as files of other programs: PLY, SPZ, glTF and OpenUSD, told by the ending; `.splat` and `.ksplat` are read.
+//! Scenes as files of other programs: PLY, SPZ, glTF and OpenUSD, told by the ending; `.splat`, `.ksplat`
+//! and SOG are read.
 
 mod foreign;
 pub mod host;
@@ -12,9 +13,9 @@ use glam::{DMat3, DVec3};
 use gs_base::local::is_far;
 use gs_base::{agree, counted};
 use gs_splats::ply::{self, SplatRenderMode};
-use gs_splats::{Motion, Splats, glb, ksplat, splat, spz, turn, usda};
+use gs_splats::{Motion, Splats, glb, ksplat, sog, splat, spz, turn, usda};
 
-pub use foreign::refuse_foreign;
+use foreign::refuse_foreign;
 pub use motion::{MotionScene, motion_of, time_function};
 
 /// A format that is written.
@@ -49,7 +50,7 @@ impl Format {
 }
 
 /// The endings that are read, for sentences.
-pub const READ: &str = ".ply, .spz, .glb, .splat or .ksplat";
+pub const READ: &str = ".ply, .spz, .glb, .sog, .splat or .ksplat";
 
 /// The endings that are written, for sentences.
 pub const ENDINGS: &str = ".ply, .spz, .glb or .usda";
@@ -155,8 +156,8 @@ pub fn offset_note(offset: [f64; 3]) -> Option<String> {
     (offset != [0.0; 3]).then(|| format!("positions are relative to ({x}, {y}, {z}), which the file names"))
 }
 
-/// Reads a file of Gaussians by its ending; `None` where it is another file. Rows that are no Gaussians are left out,
-/// which is said.
+/// Reads a file of Gaussians by its ending, or a folder of SOG; `None` where it is another file. Rows that are no
+/// Gaussians are left out, which is said.
 ///
 /// # Errors
 /// One sentence that names the file, what was expected and what was found.
@@ -166,10 +167,13 @@ pub fn read_packed(path: &Path) -> Result<Option<Packed>> {
     let of_viewer = match path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("splat") => Some(splat::read(path)?),
         Some("ksplat") => Some(ksplat::read(path)?),
+        Some("sog") => Some(sog::read(path)?),
+        _ if path.ends_with(sog::DESCRIPTION) => Some(sog::read(path)?),
+        _ if path.join(sog::DESCRIPTION).is_file() => Some(sog::read(&path.join(sog::DESCRIPTION))?),
         _ => None,
     };
     if let Some(splats) = of_viewer {
-        return without_empty_rows(path, still(splats)).map(Some);
+        return sound(path, still(splats)).map(Some);
     }
     let Some(format) = Format::of(path).filter(|_| !path.is_dir()) else { return Ok(None) };
     let packed = match format {
@@ -184,7 +188,7 @@ pub fn read_packed(path: &Path) -> Result<Option<Packed>> {
         }
         Format::Usda => bail!("{}: OpenUSD is written and not read; expected {READ}", path.display()),
     };
-    without_empty_rows(path, packed).map(Some)
+    sound(path, packed).map(Some)
 }
 
 fn read_ply(path: &Path) -> Result<Splats> {
@@ -201,20 +205,21 @@ fn read_ply(path: &Path) -> Result<Splats> {
     Ok(scene.splats)
 }
 
-/// A row of zeros has no rotation and is no Gaussian.
-fn without_empty_rows(path: &Path, packed: Packed) -> Result<Packed> {
-    let empty = packed.splats.without_rotation();
-    let (Some(first), Some(last)) = (empty.first(), empty.last()) else { return Ok(packed) };
-    let (count, all) = (empty.len(), packed.splats.len());
+/// Without rows that are no Gaussians: numbers that are not finite, or a rotation of four zeros.
+fn sound(path: &Path, packed: Packed) -> Result<Packed> {
+    let broken = packed.splats.broken();
+    let (Some(first), Some(last)) = (broken.first(), broken.last()) else { return Ok(packed) };
+    let (count, all) = (broken.len(), packed.splats.len());
     let rows = counted(count, "row");
+    let why = "no rotation (four zeros) or a number that is not finite";
     if count == all {
-        bail!("{}: expected Gaussians, found {rows} without a rotation (four zeros)", path.display());
+        bail!("{}: expected Gaussians, found {rows} with {why}", path.display());
     }
     tracing::warn!(
-        "{}: {rows} of {all} {} no rotation (four zeros) and {} left out: between row {first} and row {last}",
+        "{}: {rows} of {all} {} {why} and {} left out: between row {first} and row {last}",
         path.display(),
         agree(count, "has", "have"),
         agree(count, "was", "were")
     );
-    Ok(packed.select(&spare::others(all, &empty)))
+    Ok(packed.select(&spare::others(all, &broken)))
 }
