@@ -15,8 +15,10 @@ use crate::findings::Findings;
 use crate::folder::{entries, has_extension, stem};
 use crate::lens::Lens;
 use crate::names;
+use crate::options::LoadOptions;
 use crate::pixels;
 use crate::pose;
+use crate::priors::sources;
 use crate::raw::{RawFrame, RawScene};
 use crate::scene::SceneFormat;
 
@@ -78,7 +80,11 @@ pub(crate) fn camera(file: &Path) -> Result<WrittenCamera, DatasetError> {
 }
 
 /// Reads the description of a scene. A text without a photo is left out with a warning.
-pub(crate) fn read(texts: &CameraTexts, findings: &mut Findings) -> Result<RawScene, DatasetError> {
+pub(crate) fn read(
+    texts: &CameraTexts,
+    options: &LoadOptions,
+    findings: &mut Findings,
+) -> Result<RawScene, DatasetError> {
     let root = texts.folder.join("images");
     let (mut frames, mut missing) = (Vec::new(), Vec::new());
     for file in &texts.files {
@@ -95,6 +101,7 @@ pub(crate) fn read(texts: &CameraTexts, findings: &mut Findings) -> Result<RawSc
     }
     let found = || format!("none of the photos of {}", counted(texts.files.len(), "camera"));
     findings.need_frames(&frames, &texts.folder, found)?;
+    sources::search_depth(&mut frames, &texts.folder, options, findings);
     Ok(RawScene { format: SceneFormat::CameraTexts, frames, points: None })
 }
 

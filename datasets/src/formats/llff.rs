@@ -117,6 +117,8 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
     if poses.has_cameras() {
         sources::search(&mut frames, &poses.folder, &poses.path, &kinds, options.priors, findings);
         sources::note_gaps(&mut frames);
+    } else {
+        sources::search_depth(&mut frames, &poses.folder, options, findings);
     }
     Ok(RawScene { format: SceneFormat::Llff, frames, points: None })
 }

@@ -87,7 +87,7 @@ impl Layout {
             Self::Panoptic(files) => panoptic::read(files, options, findings),
             Self::Llff(poses) => llff::read(poses, options, findings),
             Self::RealityScan(table) => realityscan::read(table, options, findings),
-            Self::CameraTexts(texts) => camera_texts::read(texts, findings),
+            Self::CameraTexts(texts) => camera_texts::read(texts, options, findings),
         }
     }
 }

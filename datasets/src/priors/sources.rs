@@ -6,7 +6,7 @@ use gs_base::{agree, counted, guarded};
 
 use crate::findings::Findings;
 use crate::names;
-use crate::options::PriorUse;
+use crate::options::{LoadOptions, PriorUse};
 use crate::raw::RawFrame;
 use crate::side_files::{Kind, SideFile};
 
@@ -34,11 +34,14 @@ const DEPTH_ENDINGS: &[&str] = &["exr", "npy", "png"];
 
 /// Side folders of each prior, best first, and the extensions tried in them.
 const FOLDERS: &[(Kind, &[&str], &[&str])] = &[
-    (Kind::Depth, &["priors/depth", "depth"], DEPTH_ENDINGS),
+    (Kind::Depth, &["priors/depth", "depth", "depths"], DEPTH_ENDINGS),
     (Kind::Confidence, &["priors/confidence"], DEPTH_ENDINGS),
     (Kind::Moving, &["priors/masks", "masks", "seg"], &["png", "npy", "jpg"]),
     (Kind::Sharp, &["priors/sharp", "sharp"], &["png", "jpg", "jpeg"]),
 ];
+
+/// The priors that sets without times may have.
+pub(crate) const OF_STILLS: [Kind; 2] = [Kind::Depth, Kind::Confidence];
 
 /// Extensions tried for a path that is written without one.
 const TRIED: &[&str] = &["png", "exr", "npy", "jpg"];
@@ -60,6 +63,15 @@ pub(crate) fn is_wanted(kind: Kind, wanted: PriorUse) -> bool {
         Kind::Sharp => wanted.sharp,
         _ => true,
     }
+}
+
+/// [`search`] for the depth of a set without times, whose description never names one.
+pub(crate) fn search_depth(frames: &mut [RawFrame], root: &Path, options: &LoadOptions, findings: &mut Findings) {
+    search(frames, root, root, &OF_STILLS, options.priors, findings);
+    for frame in &mut *frames {
+        frame.sides.depth.kind = options.depth_kind;
+    }
+    note_gaps(frames);
 }
 
 /// Looks for the side folders of `kinds` below `root`, by the frames' names, for kinds that no frame lists yet. Frames

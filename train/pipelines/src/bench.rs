@@ -6,6 +6,7 @@ use super::still::Still;
 use super::taylormode::bench as taylormode;
 use gs_train::config::Strategy;
 use gs_train::fit::bench::{Steps, photo_of, steps};
+use gs_train::fit::depth::PhotoDepth;
 use gs_train::fit::intake::Intake;
 use gs_train::fit::trainer::Model;
 
@@ -29,7 +30,7 @@ pub static BENCH_STEPS: [BenchStep; 4] = [
 ];
 
 fn still(gaussians: Gaussians, camera: &Camera, strategy: Strategy) -> Steps {
-    let photo = photo_of(&gaussians, camera, ());
+    let photo = photo_of(&gaussians, camera, PhotoDepth::default());
     let mut config = Still::defaults();
     config.shared.density.strategy = strategy;
     steps(Model::uncorrected(gaussians, Still {}), photo, config)

@@ -5,16 +5,36 @@ use burn::tensor::{Device, Tensor};
 use gs_burn::{Extras, Gaussians, RenderOptions, render_with};
 use gs_datasets::{LoadOptions, PriorUse, Scene, View};
 
-use gs_train::config::{FitConfig, NoSection};
+use gs_train::config::{FitConfig, NOT_NEGATIVE, Section};
 use gs_train::fit::coarse::dilation;
+use gs_train::fit::depth::{Depths, PhotoDepth};
 use gs_train::fit::facts::Unseen;
-use gs_train::fit::initialise::InitialGaussians;
+use gs_train::fit::initialise::{InitialGaussians, dense_count};
 use gs_train::fit::intake::Intake;
 use gs_train::fit::losses::photometric;
 use gs_train::fit::method::{Drawn, Forward, Method, Step, begin_static};
 use gs_train::fit::photos::Photo;
 use gs_train::fit::saved::Saved;
 use gs_train::fit::told::{Introduction, Told};
+use gs_train::section;
+
+section! {
+    /// The section that the pipeline adds.
+    pub struct Sections {
+        /// Depth priors.
+        depth: DepthConfig;
+    }
+}
+
+impl Section for Sections {}
+
+section! {
+    /// Depth priors.
+    pub struct DepthConfig {
+        /// Weight of the difference of the logarithms of rendered and prior depth.
+        weight: f64 = 1.0, in NOT_NEGATIVE;
+    }
+}
 
 /// The empty method: nothing is learned beside the Gaussians.
 #[derive(Module, Debug)]
@@ -22,25 +42,38 @@ pub struct Still {}
 
 impl Method for Still {
     const NAME: &'static str = "static";
-    type Config = NoSection;
-    type Cues = ();
-    type Extra = ();
+    type Config = Sections;
+    type Cues = Depths;
+    type Extra = PhotoDepth;
 
     fn begin(scene: &Scene, at: &Step<Self>, _device: &Device) -> (InitialGaussians, Self) {
-        (begin_static(scene, at.config, at.facts), Self {})
+        let wanted = dense_count(&scene.train, at.config.init.dense_share, at.config.density.cap);
+        let points = at.cues.with_points(&scene.train, scene.points.as_ref(), wanted, at.config.seed);
+        (begin_static(&scene.train, points.as_ref(), at.config, at.facts), Self {})
     }
 
-    fn extra(_view: &View, _index: usize, _at: &Step<Self>, _device: &Device) {}
+    fn extra(view: &View, index: usize, at: &Step<Self>, _device: &Device) -> PhotoDepth {
+        at.cues.of_view(view, index)
+    }
 
-    fn forward(&self, gaussians: &Gaussians, photos: &[Photo<()>], screens: &[Tensor<2>], at: &Step<Self>) -> Forward {
+    fn forward(
+        &self,
+        gaussians: &Gaussians,
+        photos: &[Photo<PhotoDepth>],
+        screens: &[Tensor<2>],
+        at: &Step<Self>,
+    ) -> Forward {
         let photo = &photos[0];
         let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
-        let options = RenderOptions { eps2d: dilation(options.eps2d, photo.pixel), ..options };
+        let eps2d = dilation(options.eps2d, photo.pixel);
+        let options = RenderOptions { eps2d, depth: photo.extra.is_known(), ..options };
         let extras = Extras { screen: screens.first().cloned(), features: None, room: at.pair_room() };
         let rendering = render_with(gaussians, &photo.camera, &options, extras);
         let image = photo.taken(rendering.color.clone());
+        let loss = photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
+        let of_depth = photo.extra.misfit(&rendering).map(|misfit| misfit * at.config.method.depth.weight);
         Forward {
-            loss: photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss),
+            loss: of_depth.map_or(loss.clone(), |term| loss + term),
             drawn: vec![Drawn::of(&rendering, screens.first())],
             images: vec![image],
             notes: Vec::new(),
@@ -53,25 +86,24 @@ impl Intake for Still {
     const ANY_WIDTH: bool = true;
     const UNSEEN: Unseen = Unseen::MeanColor;
 
-    fn defaults() -> FitConfig<NoSection> {
+    fn defaults() -> FitConfig<Sections> {
         FitConfig::default()
     }
 
-    fn loading(_config: &FitConfig<NoSection>, options: &mut LoadOptions) {
-        // A static scene is compared with neither depth nor pseudo-sharp photos. Masks of moving objects are kept,
-        // because moving parts are measured with them.
-        options.priors = PriorUse { depth: false, sharp: false, ..options.priors };
+    fn loading(config: &FitConfig<Sections>, options: &mut LoadOptions) {
+        // Pseudo-sharp photos are compared with none. Masks of moving objects are kept, because moving parts are
+        // measured with them.
+        let depth = options.priors.depth && config.method.depth.weight > 0.0;
+        options.priors = PriorUse { depth, sharp: false, ..options.priors };
     }
 
-    fn cues(_scene: &Scene, _config: &FitConfig<NoSection>) {}
+    fn cues(scene: &Scene, _config: &FitConfig<Sections>) -> Depths {
+        Depths::of(&scene.train, scene.points.as_ref())
+    }
 }
 
 impl Saved for Still {
-    fn from_frame(
-        _frame: &serde_json::Value,
-        _config: &FitConfig<NoSection>,
-        _device: &Device,
-    ) -> Result<Self, String> {
+    fn from_frame(_frame: &serde_json::Value, _config: &FitConfig<Sections>, _device: &Device) -> Result<Self, String> {
         Ok(Self {})
     }
 }

@@ -156,7 +156,7 @@ section! {
             in Only("three numbers from 0 to 1", Background::is_in_range);
         /// The use of mask files.
         masks: MaskChoice = MaskChoice::Auto;
-        /// Priors that are read. A static scene reads masks alone, to measure moving parts.
+        /// Priors that are read. A static scene reads no pseudo-sharp photos, and masks only to measure moving parts.
         priors: Vec<PriorKind> = vec![PriorKind::Depth, PriorKind::Masks, PriorKind::Sharp];
         /// Meaning of depth files.
         depth_kind: DepthChoice = DepthChoice::Auto;

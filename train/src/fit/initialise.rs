@@ -50,10 +50,18 @@ pub struct InitialGaussians {
     pub opacity_logit: f32,
 }
 
-/// Gaussians for `scene`, at most `cap` of them; `extent` in scene units.
-pub fn initial_gaussians(scene: &Scene, config: &InitConfig, cap: usize, extent: f64, seed: u64) -> InitialGaussians {
-    let (views, wanted) = (&scene.train, dense_count(&scene.train, config.dense_share, cap));
-    let points = match &scene.points {
+/// Gaussians for training views and the points that are known of their scene, at most `cap` of them; `extent` in scene
+/// units.
+pub fn initial_gaussians(
+    views: &[View],
+    points: Option<&PointCloud>,
+    config: &InitConfig,
+    cap: usize,
+    extent: f64,
+    seed: u64,
+) -> InitialGaussians {
+    let wanted = dense_count(views, config.dense_share, cap);
+    let points = match points {
         Some(points) if !points.is_empty() => with_swept(points.clone(), views, wanted, extent, seed),
         _ if wanted > 0 => dense_in_front(views, config.random_points.min(cap), wanted, extent, seed),
         _ => points_in_front(views, config.random_points.min(cap), extent, &Random::default(), seed),
@@ -61,8 +69,8 @@ pub fn initial_gaussians(scene: &Scene, config: &InitConfig, cap: usize, extent:
     gaussians_at(&points, extent, config, cap, seed)
 }
 
-/// The number of points that a dense start asks for.
-fn dense_count(views: &[View], share: f64, cap: usize) -> usize {
+/// The number of points that a dense start with `share` of `cap` asks for.
+pub fn dense_count(views: &[View], share: f64, cap: usize) -> usize {
     let pixels: usize = views.iter().map(|view| view.width * view.height).sum();
     ((share * cap as f64) as usize).min(pixels / PIXELS_EACH)
 }

@@ -12,7 +12,7 @@ use burn::tensor::{Device, Gradients, Tensor};
 use gs_burn::adam::Adam;
 use gs_burn::ops::intersect::{DeviceCount, Room};
 use gs_burn::{Gaussians, NamedGradients, Rendering, RowMap};
-use gs_datasets::{Scene, View};
+use gs_datasets::{PointCloud, Scene, View};
 use gs_models::{DynamicScene, Static};
 
 use super::density::Control;
@@ -188,7 +188,12 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
     }
 }
 
-/// The initial Gaussians of a static scene.
-pub fn begin_static(scene: &Scene, config: &Config, facts: &SceneFacts) -> InitialGaussians {
-    initial_gaussians(scene, &config.init, config.density.cap, facts.extent, config.seed)
+/// The initial Gaussians of a static scene, of which these points are known.
+pub fn begin_static(
+    views: &[View],
+    points: Option<&PointCloud>,
+    config: &Config,
+    facts: &SceneFacts,
+) -> InitialGaussians {
+    initial_gaussians(views, points, &config.init, config.density.cap, facts.extent, config.seed)
 }

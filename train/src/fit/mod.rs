@@ -27,6 +27,7 @@ pub mod budget;
 pub mod coarse;
 pub mod correction;
 pub mod density;
+pub mod depth;
 pub mod extrapolation;
 pub mod facts;
 pub mod figure;

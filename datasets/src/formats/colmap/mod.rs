@@ -20,6 +20,7 @@ use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::frame::CameraPose;
 use crate::options::{LoadOptions, MaskUse};
+use crate::priors::sources;
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::side_files::{Kind, SideFile, SideFiles};
 use crate::{names, pose};
@@ -161,6 +162,7 @@ pub(crate) fn scene(
         total if photos.missing().is_empty() => format!("no sound camera of {}", counted(total, "image")),
         total => format!("none of the {} in {}{hint}", counted(total, "image"), root.display()),
     })?;
+    sources::search_depth(&mut frames, &files.scene, options, findings);
     let points = (!model.points.is_empty()).then(|| RawPoints {
         positions: model.points.iter().map(|(_, point)| point.position).collect(),
         colors: model.points.iter().map(|(_, point)| point.color).collect(),

@@ -142,14 +142,15 @@ fn search_side_folders(
     options: &LoadOptions,
     findings: &mut Findings,
 ) {
-    // Folders of static sets hold other things: a set without times is left alone.
+    let mut kinds = sources::OF_STILLS.to_vec();
+    // Other folders of sets without times hold other things.
     if frames.iter().any(|frame| frame.time.is_some()) || options.masks == MaskUse::Moving {
-        let mut kinds = vec![Kind::Depth, Kind::Confidence, Kind::Sharp];
+        kinds.push(Kind::Sharp);
         if rule == MaskRule::Moving {
             kinds.push(Kind::Moving);
         }
-        sources::search(frames, root, file, &kinds, options.priors, findings);
     }
+    sources::search(frames, root, file, &kinds, options.priors, findings);
     sources::note_gaps(frames);
 }
 

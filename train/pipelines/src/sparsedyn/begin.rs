@@ -34,7 +34,14 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Sp
     }
     let initial = match points.is_empty() {
         false => gaussians_at(&points, at.facts.extent, &config.init, config.density.cap, config.seed),
-        true => initial_gaussians(&first, &config.init, config.density.cap, at.facts.extent, config.seed),
+        true => initial_gaussians(
+            &first.train,
+            first.points.as_ref(),
+            &config.init,
+            config.density.cap,
+            at.facts.extent,
+            config.seed,
+        ),
     };
     let rows = may_move(&initial.means, &cues.evidence);
     let (centre, spread) = extent_of(&initial.means, &rows);

@@ -1,12 +1,11 @@
 //! The method's device data of a photo: priors and moving pixels.
 
-use std::sync::Arc;
-
 use burn::tensor::{Device, Tensor};
-use gs_datasets::{DepthPrior, DepthSpace, View};
+use gs_datasets::View;
 use gs_models::Pixels;
 
 use super::Cues;
+use gs_train::fit::depth::PhotoDepth;
 use gs_train::fit::photos::{Extra, to_tensor};
 
 /// Priors and moving pixels of a photo; each is optional.
@@ -18,9 +17,8 @@ pub struct PhotoPriors {
     pub compared: ComparedPixels,
     /// The pseudo-sharp photo, `[H, W, 3]`.
     pub sharp: Option<Tensor<3>>,
-    /// `[H * W]`, 0 where unknown, with its space and whether it is in scene units; on the host, where priors are
-    /// aligned.
-    pub depth: Option<(Arc<Vec<f32>>, DepthSpace, bool)>,
+    /// The depth prior.
+    pub depth: PhotoDepth,
     /// World velocity of the moving object's centre (Eq. 17), scene units per unit of time.
     pub guide: Option<[f64; 3]>,
     /// How long the shutter was open, as the data set states it, its unit of time.
@@ -48,7 +46,6 @@ impl PhotoPriors {
         // If no motion was searched for (`motion.masks = "none"`) every Gaussian may move, but the pseudo-sharp photo
         // still replaces only the pixels that the data set marks as moving.
         let moving = cues.masks.masks.get(index).unwrap_or(&view.priors.moving).as_deref();
-        let depth = |prior: &DepthPrior| (Arc::new(prior.values.clone()), prior.space, prior.metric);
         // Ignored pixels have no colour that a blurred one could be compared with.
         let compared: Option<Vec<u8>> = match (moving, view.mask.as_deref()) {
             (Some(moving), Some(counts)) => Some(moving.iter().zip(counts).map(|(a, b)| *a.min(b)).collect()),
@@ -63,7 +60,7 @@ impl PhotoPriors {
                 (Some(None), Some(_)) => ComparedPixels::None,
             },
             sharp: view.priors.sharp.as_ref().map(|image| to_tensor(view, &image.data, 3, device)),
-            depth: view.priors.depth.as_ref().map(depth),
+            depth: PhotoDepth::of(view),
             guide: cues.guides.get(index).copied().flatten(),
             exposure: view.exposure,
             camera: view.camera_id.clone(),
@@ -73,7 +70,7 @@ impl PhotoPriors {
 
 impl Extra for PhotoPriors {
     fn floats_per_pixel(&self) -> usize {
-        let single = usize::from(self.moving.is_some()) + usize::from(self.depth.is_some());
+        let single = usize::from(self.moving.is_some()) + self.depth.floats_per_pixel();
         single + 3 * usize::from(self.sharp.is_some())
     }
 }

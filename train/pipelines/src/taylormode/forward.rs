@@ -3,13 +3,13 @@
 use std::cell::Cell;
 
 use burn::module::Module;
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::Tensor;
 use gs_burn::exposure::ExposureOptions;
 use gs_burn::ops::intersect::Room;
 use gs_burn::ops::rows::add_rows;
 use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
 use gs_models::Pixels;
-use gs_models::depth_prior::{Alignment, DepthSpace, align, depth_correlation_loss, depth_loss};
+use gs_models::depth_prior::{depth_correlation_loss, depth_loss};
 use gs_models::light::Mixing;
 use gs_models::taylormode::blur_path::{back_project, blur_path, camera_velocity, hybrid_depth, to_world};
 use gs_models::taylormode::blur_synthesis::{blurred_color, decoupled};
@@ -21,7 +21,6 @@ use super::extra::ComparedPixels;
 use super::{Config, PhotoPriors, Step, Taylormode};
 use gs_train::fit::losses::photometric;
 use gs_train::fit::method::{Drawn, Forward, Note};
-use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::Photo;
 
 /// Smallest share of the steps at which a misfit of depth priors is told, per cent: the first renderings of a scene
@@ -231,7 +230,7 @@ impl Formation<'_> {
     }
 
     fn needs_depth(&self) -> bool {
-        let compared = self.config.method.prior.depth > 0.0 && self.photo.extra.depth.is_some();
+        let compared = self.config.method.prior.depth > 0.0 && self.photo.extra.depth.is_known();
         self.config.method.blur.mode == BlurMode::Warp || (compared && self.progress < self.config.method.prior.until)
     }
 
@@ -239,7 +238,7 @@ impl Formation<'_> {
     fn priors_count(&self) -> bool {
         let (prior, extra) = (&self.config.method.prior, &self.photo.extra);
         let pseudo = prior.pseudo && prior.sharp > 0.0 && extra.sharp.is_some() && extra.moving.is_some();
-        let depth = prior.depth > 0.0 && extra.depth.is_some();
+        let depth = prior.depth > 0.0 && extra.depth.is_known();
         self.progress < prior.until && (pseudo || depth)
     }
 
@@ -314,11 +313,10 @@ impl Formation<'_> {
             return loss;
         }
         let Some(depth) = centre.expected_depth() else { return loss };
-        if let Some((values, space, false)) = &self.photo.extra.depth
-            && prior.depth_fit == DepthFit::Correlation
+        if prior.depth_fit == DepthFit::Correlation
+            && let Some((values, space)) = self.photo.extra.depth.relative(&depth)
         {
-            let values = Tensor::from_data(TensorData::new(values.to_vec(), depth.dims()), &depth.device());
-            return loss + depth_correlation_loss(depth, values, in_space(*space)) * prior.depth;
+            return loss + depth_correlation_loss(depth, values, space) * prior.depth;
         }
         match self.aligned_prior(&depth, &centre.alpha) {
             Some(aligned) => loss + depth_loss(depth, aligned) * prior.depth,
@@ -328,24 +326,9 @@ impl Formation<'_> {
 
     /// The depth prior in scene units, `[H, W, 1]`, 0 where unknown; `None` if it cannot be aligned with the rendering.
     fn aligned_prior(&self, rendered: &Tensor<3>, alpha: &Tensor<3>) -> Option<Tensor<3>> {
-        let (values, space, metric) = self.photo.extra.depth.as_ref()?;
-        let space = in_space(*space);
-        let aligned = if *metric || self.config.method.prior.depth_fit == DepthFit::None {
-            Alignment { space, scale: 1.0, shift: 0.0, inliers: 1.0, deviation: 0.0 }
-        } else {
-            let (rendered, alpha) = (to_host(rendered.clone().inner()), to_host(alpha.clone().inner()));
-            let aligned = align(values, &rendered, Some(&alpha), space);
-            self.misfit.set(aligned.is_none());
-            aligned?
-        };
-        Some(Tensor::from_data(TensorData::new(aligned.depth(values), rendered.dims()), &rendered.device()))
-    }
-}
-
-/// The space of a data set's depth as a type of `gs-models`.
-pub fn in_space(space: gs_datasets::DepthSpace) -> DepthSpace {
-    match space {
-        gs_datasets::DepthSpace::Depth => DepthSpace::Depth,
-        gs_datasets::DepthSpace::InverseDepth => DepthSpace::InverseDepth,
+        let depth = &self.photo.extra.depth;
+        let aligned = depth.aligned(rendered, alpha, self.config.method.prior.depth_fit == DepthFit::None);
+        self.misfit.set(depth.is_known() && aligned.is_none());
+        aligned
     }
 }

@@ -10,7 +10,7 @@ use gs_pipelines::still::Still;
 use gs_pipelines::{Pipeline, Resolved, find, fit, resolve_overrides};
 use gs_train::config::FitConfig;
 use gs_train::fit::method::Method;
-use gs_train::fit::photos::Photo;
+use gs_train::fit::photos::{Photo, Photos};
 use gs_train::fit::session::Data;
 use gs_train::fit::trainer::{StepReport, Trainer};
 use gs_train::run::folder::{EvalFile, RunFolder};
@@ -124,7 +124,7 @@ pub struct Begun {
     pub config: FitConfig<<Still as Method>::Config>,
     pub data: Data<Still>,
     pub trainer: Trainer<Still>,
-    pub photo: Photo<()>,
+    pub photo: Photo<<Still as Method>::Extra>,
 }
 
 impl Begun {
@@ -147,7 +147,7 @@ pub fn begun_on(config: &Table, device: &Device) -> Begun {
     let scene = fit::load::<Still>(&tiny_scene(folder.path()), &config).expect("loads");
     let data = Data::new(scene, &config);
     let trainer = Trainer::begin(&data.scene, &data.cues, &config, data.facts, device);
-    let photo = gs_train::fit::photos::Photos::plain(&data.scene.train, device).get(0);
+    let photo = Photos::new(&data.scene.train, device, 0, |_, _, _| Default::default()).get(0);
     Begun { config, data, trainer, photo }
 }
 
