@@ -14,6 +14,7 @@ use gs_driving::{LogFormat, logs_in};
 use gs_models::{DynamicScene, Shutter};
 use toml::Table;
 
+use super::from_scene::from_scene;
 use super::plan::plan_steps;
 use super::{EvalRequest, Evaluated, Extrapolate, Opened, Pipeline};
 use gs_train::config::{Background, Config, ConfigError, FitConfig, tables};
@@ -88,7 +89,10 @@ fn fit<M: SceneMethod>(job: &Job, mut config: FitConfig<M::Config>) -> Result<En
     let config = &config;
     let plan = plan::<M>(job, config, &data);
     let watch = Stopwatch::start();
-    let trainer = newest::<M>(job, config, &plan)?;
+    let trainer = match newest::<M>(job, config, &plan)? {
+        None => from_scene(&data, config, &job.device)?,
+        saved => saved,
+    };
     let mut session = Session::begin(&data, config, trainer, &job.device);
     let mut run = Run::begin(job, plan, session.trainer.step, lock)?;
     if session.trainer.step == 0 {
@@ -137,7 +141,8 @@ fn read<M: SceneMethod>(job: &Job, config: &mut FitConfig<M::Config>) -> Result<
     let data = Data::<M>::new(scene, config);
     let spent = watch.spent();
     let Some(minutes) = job.minutes else { return Ok((data, spent)) };
-    let (data, plan) = plan_steps(data, config, minutes, job, &watch)?;
+    let begin = from_scene(&data, config, &job.device)?;
+    let (data, plan) = plan_steps(data, config, begin, minutes, job, &watch)?;
     progress::say(&plan.line(minutes), job.quiet);
     config.shared.steps = plan.steps;
     let coarse = Data::<M>::coarse_of(&data.scene, config);

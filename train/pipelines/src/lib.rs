@@ -37,6 +37,7 @@ pub mod bench;
 pub mod examples;
 pub mod fit;
 pub mod flux4d;
+mod from_scene;
 mod plan;
 pub mod resolve;
 pub mod sparsedyn;

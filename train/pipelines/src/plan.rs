@@ -44,7 +44,7 @@ impl StepPlan {
 }
 
 /// The steps of `config` that fit into `minutes` on `data`: of processor time on a CPU, as the clock shows on a GPU.
-/// `watch` began before the data set was read; what it shows is part of the budget, the measuring is not. The data come
+/// The run begins at `begin`, or at points. `watch` began before the data set was read; what it shows is part of the budget, the measuring is not. The data come
 /// back without their reduced widths, which depend on the number of steps.
 ///
 /// # Errors
@@ -52,12 +52,13 @@ impl StepPlan {
 pub fn plan_steps<M: Intake>(
     data: Data<M>,
     config: &FitConfig<M::Config>,
+    begin: Option<Trainer<M>>,
     minutes: f64,
     job: &Job,
     watch: &Stopwatch,
 ) -> Result<(Data<M>, StepPlan)> {
     let device = &job.device;
-    let first = Session::begin(&data, config, None, device).into_trainer();
+    let first = Session::begin(&data, config, begin, device).into_trainer();
     let start = seconds(watch, device);
     let count = first.gaussians().len();
 

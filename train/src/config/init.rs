@@ -6,6 +6,9 @@ use crate::section;
 section! {
     /// Options of the initial Gaussians.
     pub struct InitConfig {
+        /// A scene that the training goes on from, for `static`: a run, or a file of Gaussians in the data set's world.
+        /// Empty: points.
+        scene: String = String::new();
         /// Opacity of an initial Gaussian. Higher: Gaussians hide those behind them, which then do not learn. Lower:
         /// training is slower.
         opacity: f64 = 0.3, in OPEN_UNIT;

@@ -111,24 +111,16 @@ pub trait Section:
     }
 }
 
-/// Checks that photos have their full width throughout, for a pipeline whose other data of a photo are not reduced with
-/// it.
+/// Checks what a pipeline of moving scenes cannot do: photos at a reduced width, because its other data of a photo are
+/// not reduced with it, and a begin from a scene, which says nothing of the motion.
 ///
 /// # Errors
-/// A share of the run above 0 in which they are reduced.
-pub fn full_width(shared: &Config) -> Result<(), ConfigError> {
-    let share = shared.data.coarse_share;
-    check("data.coarse_share", share, share == 0.0, "0 in a pipeline of moving scenes")
+/// The first value that asks for it.
+pub fn of_moving_scenes(shared: &Config) -> Result<(), ConfigError> {
+    let (share, scene) = (shared.data.coarse_share, &shared.init.scene);
+    check("data.coarse_share", share, share == 0.0, "0 in a pipeline of moving scenes")?;
+    check("init.scene", format!("{scene:?}"), scene.is_empty(), "\"\" in a pipeline of moving scenes")
 }
-
-/// No sections.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NoSection {}
-
-impl Declared for NoSection {}
-
-impl Section for NoSection {}
 
 /// A whole configuration: the shared sections and a pipeline's own.
 ///

@@ -4,7 +4,7 @@ use gs_models::sparsedyn::{Ask, Integrator};
 
 use gs_train::config::{
     ClassicConfig, Config, ConfigError, DensityConfig, FitConfig, LossConfig, ModelConfig, NOT_NEGATIVE, OpacityPolicy,
-    OptimiserConfig, POSITIVE, SHARE, Section, Strategy, check, full_width,
+    OptimiserConfig, POSITIVE, SHARE, Section, Strategy, check, of_moving_scenes,
 };
 use gs_train::{choice, section};
 
@@ -213,7 +213,7 @@ section! {
 
 impl Section for Sections {
     fn check_beside(&self, shared: &Config) -> Result<(), ConfigError> {
-        full_width(shared)?;
+        of_moving_scenes(shared)?;
         check_density(shared, &self.warmup, self.dynamics.model)
     }
 }

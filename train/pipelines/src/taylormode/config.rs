@@ -5,7 +5,7 @@ use gs_models::taylormode::order::NOTICEABLE;
 use gs_multiview::CueOptions;
 
 use gs_train::config::{
-    self, ConfigError, FitConfig, NOT_NEGATIVE, Only, POSITIVE, SHARE, Section, check, full_width, not_negative,
+    self, ConfigError, FitConfig, NOT_NEGATIVE, Only, POSITIVE, SHARE, Section, check, not_negative, of_moving_scenes,
     positive, tables,
 };
 use gs_train::fit::initialise::{NEAR_STATIC_CAMERAS, Random};
@@ -32,7 +32,7 @@ impl Section for Sections {
     fn check_beside(&self, shared: &config::Config) -> Result<(), ConfigError> {
         let cap = shared.density.cap;
         check("density.cap", cap, cap <= ROWS_MAX, "at most 16777216 Gaussians of a moving scene")?;
-        full_width(shared)
+        of_moving_scenes(shared)
     }
 }
 

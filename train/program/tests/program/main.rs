@@ -29,6 +29,7 @@ mod resume;
 mod scene_files;
 mod sparsedyn;
 mod sparsedyn_inputs;
+mod starts;
 mod step;
 mod sweep;
 mod taylormode;
