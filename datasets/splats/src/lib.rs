@@ -15,6 +15,7 @@ mod carried;
 pub mod glb;
 mod json;
 pub mod ksplat;
+mod merge;
 mod motion;
 pub mod ply;
 mod sh_rotation;
@@ -26,6 +27,7 @@ pub mod turn;
 pub mod usda;
 
 pub use carried::{Carried, Carrier};
+pub use merge::Merged;
 pub use motion::{Beyond, Keys, Law, Motion, Series, SeriesLaw, Shape, TimeFunction};
 pub use splats::Splats;
 

@@ -73,7 +73,7 @@ impl Splats {
     }
 
     /// Whether every value of the Gaussian `index` is finite.
-    fn is_finite(&self, index: usize) -> bool {
+    pub(crate) fn is_finite(&self, index: usize) -> bool {
         let s = self.coefficients();
         let all = |values: &[f32]| values.iter().all(|x| x.is_finite());
         all(&self.means[index])
