@@ -53,8 +53,8 @@ pub struct ExportArgs {
     #[arg(long, value_name = "x|y|z|-x|-y|-z|auto", allow_hyphen_values = true, value_parser = up)]
     pub up: Option<Up>,
 
-    /// Keep the Gaussians that contribute most to the training photos, as many as a file of this size holds, and say
-    /// what that costs on held-out photos
+    /// Merge Gaussians, and leave out those that the training photos miss least, until the file has at most this size;
+    /// say what that costs on held-out photos. Moving ones are only left out
     #[arg(long, value_name = "MB", value_parser = megabytes)]
     pub target_mb: Option<f64>,
 

@@ -6,13 +6,17 @@ use std::collections::BTreeMap;
 
 use burn::module::Module;
 use burn::tensor::Tensor;
+use glam::DMat4;
+use gs_base::Intrinsics;
 use gs_burn::adam::{Adam, Moments};
-use gs_burn::{Gaussians, NamedGradients};
+use gs_burn::{Camera, Gaussians, NamedGradients, RenderOptions, render};
+use gs_splats::{Merged, Splats};
 use gs_train::config::{DensityConfig, McmcConfig};
 use gs_train::fit::density::ops::{Draft, logit};
 use gs_train::fit::density::{Control, StepContext, mcmc, prune};
 use gs_train::fit::parameters::{Group, Table, from_host, gaussians, to_host};
 use gs_train::fit::photos::camera;
+use gs_train::run::exchange::host::{gaussians_of, splats_of};
 use gs_train::run::folder::MetricsLine;
 
 /// A table in which every number tells its row: row r of a column group holds r + column / 100.
@@ -230,4 +234,65 @@ fn an_empty_table_has_empty_gradients() {
     let mut gradients = NamedGradients::take(&tracked, &mut gradients);
     let shapes = Group::ALL.map(|group| gradients.remove(group.name()).expect("a gradient").dims());
     assert_eq!(shapes, Group::ALL.map(|group| [0, group.columns(1)]));
+}
+
+/// A wall of small Gaussians apart from each other, in front of a camera at the origin.
+fn wall() -> Gaussians {
+    let wave = |i: usize, k: usize| ((13 * i + 7 * k) as f32 * 0.731).sin();
+    let splats = Splats {
+        means: (0..25).map(|i| [(i % 5) as f32 - 2.0, (i / 5) as f32 - 2.0, 6.0]).collect(),
+        quats: (0..25).map(|i| [1.5, wave(i, 0), wave(i, 1), wave(i, 2)]).collect(),
+        log_scales: vec![[0.2_f32.ln(), 0.12_f32.ln(), 0.06_f32.ln()]; 25],
+        opacity_logits: (0..25).map(|i| wave(i, 3)).collect(),
+        sh: (0..25).map(|i| [wave(i, 4), wave(i, 5), wave(i, 6)]).collect(),
+        ..Splats::default()
+    };
+    gaussians_of(&splats, &common::device())
+}
+
+/// Each Gaussian in two, as growth does it, and merged again: near what it was, and in the same picture.
+#[test]
+fn what_growth_split_merges_back() {
+    let before = wall();
+    let (mut split, all) = (before.clone(), (0..25).collect::<Vec<usize>>());
+    let mut draft = Draft::read(&split);
+    draft.share_out(&all, 0.0);
+    let means = draft.spread_out(&all, &split.read(Group::Quats), McmcConfig::default().separation);
+    for (row, mean) in all.iter().zip(means) {
+        let copy = draft.duplicate(*row);
+        draft.means[copy] = mean;
+    }
+    draft.commit(&mut split, &mut Adam::new());
+    let split = splats_of(&split, None);
+    let mut merged = Merged::of(&split, &[1.0; 50], &[]);
+    merged.reduce(25);
+    assert_eq!(merged.rows, (0..25).collect::<Vec<u32>>(), "each has its own copy");
+
+    let (old, new) = (splats_of(&before, None), merged.splats);
+    let sorted = |mut scales: [f32; 3]| {
+        scales.sort_by(f32::total_cmp);
+        scales
+    };
+    for row in 0..25 {
+        let apart = (0..3).map(|k| (old.means[row][k] - new.means[row][k]).abs()).fold(0.0, f32::max);
+        let [old_scales, new_scales] = [&old, &new].map(|splats| sorted(splats.log_scales[row]));
+        let grown = (0..3).map(|k| (old_scales[k] - new_scales[k]).abs()).fold(0.0, f32::max);
+        assert!(apart < 1e-5 && grown < 0.1, "{row}: {apart} units apart, {grown}");
+        assert_eq!(old.sh[row], new.sh[row]);
+    }
+    let intrinsics = Intrinsics { fx: 100.0, fy: 100.0, cx: 64.0, cy: 64.0 };
+    let camera = Camera::from_c2w(DMat4::IDENTITY, intrinsics, 128, 128, &common::device());
+    let image = |gaussians: &Gaussians| to_host(render(gaussians, &camera, &RenderOptions::default()).color);
+    let truth = image(&before);
+    let psnr = |splats: &Splats| {
+        let squares = image(&gaussians_of(splats, &common::device()))
+            .iter()
+            .zip(&truth)
+            .map(|(a, b)| (a - b).powi(2))
+            .sum::<f32>();
+        -10.0 * (squares / truth.len() as f32).log10()
+    };
+    let half = split.select(&(0..25).collect::<Vec<u32>>());
+    let [merged, left_out] = [psnr(&new), psnr(&half)];
+    assert!(merged > 42.0 && merged > left_out + 8.0, "{merged} dB merged, {left_out} dB left out");
 }

@@ -58,7 +58,7 @@ fn a_scene_goes_through_every_format() {
 
     let sentence = succeeds(folder, &["export", "run", "--out", "small.spz", "--target-mb", "0.002"]);
     assert!(fs::metadata(folder.join("small.spz")).expect("a file").len() <= 2000, "{sentence}");
-    assert!(sentence.contains("of the contribution") && sentence.contains("held-out photos"), "{sentence}");
+    assert!(sentence.contains("in place of") && sentence.contains("held-out photos"), "{sentence}");
     assert!(
         fails(folder, &["export", "run", "--out", "no.spz", "--target-mb", "0.00001"]).contains("not one Gaussian")
     );

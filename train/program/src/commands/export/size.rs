@@ -1,11 +1,13 @@
-//! A file of at most some size: the Gaussians that contribute most to the training photos, and what the others are
-//! missed for.
+//! A file of at most some size: Gaussians are merged, those that the training photos miss least are left out, and what
+//! that costs is said.
 
 use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
+use gs_base::counted;
 use gs_burn::{Gaussians, RenderOptions, render};
 use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
+use gs_splats::Merged;
 
 use crate::cli::ExportArgs;
 use gs_pipelines::{Opened, of_checkpoint};
@@ -18,14 +20,7 @@ use gs_train::run::scene::{LoadedScene, SceneFile, read_file};
 
 use super::keep;
 
-/// Sizes that are tried: each brings the count nearer to the largest that fits, and the fourth is within a few percent
-/// of it.
-const TRIALS: usize = 8;
-
-/// A file that is at least this share of what is allowed is full.
-const FULL: f64 = 0.98;
-
-/// Selects Gaussians of each scene, of its `rows` if only these may stay, so that its file takes at most `target`
+/// Merges Gaussians of each scene, of its `rows` if only these may stay, so that its file takes at most `target`
 /// megabytes; returns what that costs, in words.
 ///
 /// # Errors
@@ -55,24 +50,18 @@ pub(super) fn fit(
     let photos = photos.context("a data set was named")?;
     let options = RenderOptions { background: [0.0; 3], ..loaded.render_options(0) };
     let sums = contributions(&*loaded.scene, &photos.train, &options, 0);
-    let mut order: Vec<u32> = (0..sums.len() as u32).collect();
-    // Of equal contributions the lower row stays.
-    order.sort_by(|a, b| sums[*b as usize].total_cmp(&sums[*a as usize]));
     let (shown, views) = shown(&photos);
     let usual = loaded.render_options(3);
     let before = mean_psnr(&*loaded.scene, views, &usual);
-    let of = |rows: &Option<Vec<u32>>| -> Vec<u32> {
-        let may_stay = |row: &u32| rows.as_ref().is_none_or(|rows| rows.binary_search(row).is_ok());
-        order.iter().copied().filter(may_stay).collect()
-    };
-    for (scene, rows) in scenes.iter_mut().zip(rows) {
-        *scene = most(scene, format, bytes, &of(rows))?;
+    for ((scene, whole), rows) in scenes.iter_mut().zip(&whole).zip(rows) {
+        let of = |rows: &Vec<u32>| rows.iter().map(|row| sums[*row as usize]).collect();
+        *scene = merged(whole, &rows.as_ref().map_or_else(|| sums.clone(), of), format, bytes)?;
     }
-    let total: f64 = sums.iter().sum();
-    let kept = &of(&rows[0])[..scenes[0].splats.len()];
-    let share: f64 = kept.iter().map(|row| sums[*row as usize]).sum::<f64>() / total.max(f64::MIN_POSITIVE);
     let read = LoadedScene::of_packed(scenes[0].as_read(format)?, device);
-    let mut notes = vec![format!("of {} those with {:.1} % of the contribution", sums.len(), 100.0 * share)];
+    let mut notes = vec![format!("in place of {}", counted(sums.len(), "Gaussian"))];
+    if scenes.iter().any(|scene| scene.motion.is_some()) {
+        notes.push("of which moving ones were left out and not merged".into());
+    }
     // A single moment of a moving scene cannot be held against photos of other times.
     if loaded.scene.span().is_none() || scenes[0].motion.is_some() {
         let after = mean_psnr(&*read.scene, views, &usual);
@@ -81,35 +70,24 @@ pub(super) fn fit(
     Ok(notes)
 }
 
-/// As many of the first of `order` as fit, rows in their own order.
-fn most(scene: &Packed, format: Format, bytes: f64, order: &[u32]) -> Result<Packed> {
-    let of_count = |count: usize| {
-        let mut rows = order[..count].to_vec();
-        rows.sort_unstable();
-        scene.select(&rows)
-    };
-    let (mut fits, mut too_many) = (None, order.len());
-    let mut count = order.len();
-    let mut length = of_count(count).length(format)? as f64;
-    for _ in 0..TRIALS {
-        let floor = fits.as_ref().map_or(0, |scene: &Packed| scene.splats.len());
-        if floor + 1 >= too_many {
-            break;
+/// As many Gaussians in place of `whole`, with these contributions, as fit into `bytes`. Moving ones are not merged.
+fn merged(whole: &Packed, contributions: &[f64], format: Format, bytes: f64) -> Result<Packed> {
+    let moving = whole.motion.as_ref().map_or(&[][..], |motion| &motion.rows);
+    let mut merged = Merged::of(&whole.splats, contributions, moving);
+    loop {
+        let motion = whole.motion.as_ref().map(|motion| motion.select(&merged.rows));
+        let scene = Packed { splats: merged.splats.clone(), motion, samples: whole.samples };
+        let (count, length) = (scene.splats.len(), scene.length(format)? as f64);
+        if length <= bytes {
+            return Ok(scene);
         }
         // Bytes go almost in proportion to the count.
-        count = ((count as f64 * bytes * (1.0 + FULL) / 2.0 / length) as usize).clamp(floor + 1, too_many - 1);
-        let trial = of_count(count);
-        length = trial.length(format)? as f64;
-        if length > bytes {
-            too_many = count;
-        } else {
-            fits = Some(trial);
-            if length >= FULL * bytes {
-                break;
-            }
+        let fewer = ((count as f64 * bytes / length) as usize).min(count.saturating_sub(1));
+        if fewer == 0 {
+            bail!("--target-mb: not one Gaussian fits into {} MB", bytes / 1e6);
         }
+        merged.reduce(fewer);
     }
-    fits.with_context(|| format!("--target-mb: not one Gaussian fits into {} MB", bytes / 1e6))
 }
 
 /// The photos that are reported on: held-out ones, or those of the training where none are.
@@ -130,4 +108,40 @@ fn mean_psnr(scene: &dyn DynamicScene, views: &[View], options: &RenderOptions) 
         psnr_counted(image, truth, mask_of(view, &device))
     };
     views.iter().zip(through_time(scene, &times)).map(score).sum::<f64>() / views.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gs_splats::{Keys, Law, Motion, Splats};
+
+    /// Every second Gaussian of a file moves: each that stays is as it was, with its own path.
+    #[test]
+    fn moving_ones_are_left_out_and_not_merged() {
+        let wave = |i: usize, k: usize| ((13 * i + 7 * k) as f32 * 0.731).sin();
+        let splats = Splats {
+            means: (0..80).map(|i| [wave(i, 0), wave(i, 1), wave(i, 2)]).collect(),
+            quats: vec![[1.0, 0.0, 0.0, 0.0]; 80],
+            log_scales: vec![[-2.0; 3]; 80],
+            opacity_logits: vec![0.5; 80],
+            sh: vec![[0.5; 3]; 80],
+            ..Splats::default()
+        };
+        let rows: Vec<u32> = (0..80).step_by(2).collect();
+        let means = rows.iter().map(|row| splats.means[*row as usize]).collect();
+        let keys = Keys { times: vec![0.0], means, quats: vec![[1.0, 0.0, 0.0, 0.0]; 40], log_scales: Vec::new() };
+        let motion = Some(Motion { span: [0.0, 1.0], middle: 0.0, rows, law: Law::Keys(keys) });
+        let whole = Packed { splats, motion, samples: 0 };
+        let bytes = 0.6 * whole.length(Format::Glb).expect("a file") as f64;
+        let scene = merged(&whole, &[1.0; 80], Format::Glb, bytes).expect("it fits");
+        assert!(scene.length(Format::Glb).expect("a file") as f64 <= bytes);
+        let motion = scene.motion.expect("it moves");
+        let Law::Keys(keys) = motion.law else { panic!("key frames") };
+        assert!(!motion.rows.is_empty() && motion.rows.len() < scene.splats.len());
+        for (row, mean) in motion.rows.iter().zip(keys.means) {
+            assert_eq!(scene.splats.means[*row as usize], mean);
+            assert!(whole.splats.means.contains(&mean));
+        }
+        assert!(merged(&whole, &[1.0; 80], Format::Glb, 10.0).is_err());
+    }
 }
