@@ -25,7 +25,7 @@ use std::fmt::Debug;
 use std::ops::Deref;
 
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use toml::{Table, Value};
 
 use crate::section;
