@@ -1,17 +1,23 @@
 //! From one described frame to a view: its image decoded, undistorted, masked and downscaled, with the files beside it.
+//! A photo of which several views are made is decoded for each of them: only one view is held at a time.
 
 use glam::{DMat4, DVec3};
 use gs_base::Intrinsics;
+use rayon::prelude::*;
 
 use crate::error::DatasetError;
+use crate::face::Face;
+use crate::faces;
 use crate::frame::{RgbImage8, View};
 use crate::lens::Resolved;
 use crate::mask::{self, Mask};
+use crate::names;
 use crate::notes::ViewNote;
 use crate::one_color;
 use crate::options::LoadOptions;
 use crate::pixels::{self, Behind, Opened};
 use crate::priors::attach::{Attached, PhotoShape, SideNotes, attach};
+use crate::projection::Projection;
 use crate::raw::RawFrame;
 use crate::resample::resample;
 use crate::resize::target_size;
@@ -46,14 +52,25 @@ impl Decoder {
         let size = photo.size();
         let camera = Camera::of(frame, size)?;
         let one_color = one_color::of(&photo);
-        let target = self.target(size);
-        let undistortion = Undistortion::new(frame.lens.distortion, camera.resolved.intrinsics, size);
+        let of_photo = camera.resolved.intrinsics;
+        let face = match &frame.face {
+            Some(face) => Some(face.clone()),
+            None => self.faces(frame, size)?.into_iter().next(),
+        };
+        let (undistortion, intrinsics, ideal) = match &face {
+            Some(face) => {
+                let undistortion = Undistortion::wide(&frame.lens, of_photo, size).onto(face);
+                (Some(undistortion), face.intrinsics, face.size)
+            }
+            None => (Undistortion::new(frame.lens.distortion, of_photo, size), of_photo, size),
+        };
+        let target = self.target(ideal);
         let (data, mask) = resample(photo, &camera.masks, undistortion.as_ref(), target);
         let one_channel = |levels: Vec<u8>| levels.as_chunks::<3>().0.iter().map(|level| level[0]).collect();
         let alpha = alpha.map(|alpha| one_channel(resample(alpha, &[], undistortion.as_ref(), target).0));
         let is_blank = mask.as_ref().is_some_and(|mask| mask.iter().all(|keep| *keep == 0));
         let image = RgbImage8 { width: target.0, height: target.1, data };
-        let intrinsics = scaled(camera.resolved.intrinsics, size, target);
+        let intrinsics = scaled(intrinsics, ideal, target);
         let Attached { priors, truth, notes } = attach(&frame.sides, &self.photo(frame, size));
         let note = ViewNote { is_blank, one_color, range, ..camera.note(frame, notes) };
         let view = View {
@@ -77,8 +94,9 @@ impl Decoder {
         let (size, one_color) = (photo.size(), one_color::of(&photo));
         drop(photo);
         let camera = Camera::of(frame, size)?;
+        let faces = self.faces(frame, size)?;
         let note = camera.note(frame, attach(&frame.sides, &self.photo(frame, size)).notes);
-        Ok(ViewNote { one_color, is_turned: pixels::is_turned(&frame.image_path), range, ..note })
+        Ok(ViewNote { faces, one_color, is_turned: pixels::is_turned(&frame.image_path), range, ..note })
     }
 
     /// Camera to world of the frame's view.
@@ -86,6 +104,45 @@ impl Decoder {
         let mut c2w = frame.c2w;
         c2w.w_axis -= self.origin.extend(0.0);
         c2w
+    }
+
+    /// The pinhole views of a wide photo of this size, see [`faces::of`]; none of a pinhole's.
+    pub fn faces(&self, photo: &RawFrame, size: (usize, usize)) -> Result<Vec<Face>, DatasetError> {
+        if photo.lens.projection == Projection::Pinhole {
+            return Ok(Vec::new());
+        }
+        let resolved = photo.lens.resolve((size.0 as u32, size.1 as u32), &photo.image_path, &photo.file)?;
+        let faces = faces::of(&photo.lens, resolved.intrinsics, size);
+        if faces.is_empty() {
+            let location = format!("frame {:?}", photo.image_path.display().to_string());
+            let expected = "a lens that shows something in the photo";
+            let found = "one that shows next to nothing in it";
+            return Err(DatasetError::malformed(&photo.file, location, expected, found));
+        }
+        Ok(faces)
+    }
+
+    /// The frames of the views of some photos, sorted by name. A photo by a pinhole is one, and so is one whose views
+    /// are not known, since its size or its lens cannot be read; decoding says why.
+    pub fn frames(&self, photos: Vec<RawFrame>) -> Vec<RawFrame> {
+        if photos.iter().all(|photo| photo.lens.projection == Projection::Pinhole) {
+            return photos;
+        }
+        let views = photos.into_par_iter().flat_map_iter(|photo| {
+            let faces = self.size(&photo).and_then(|size| self.faces(&photo, size).ok()).unwrap_or_default();
+            let views: Vec<RawFrame> = faces.into_iter().map(|face| photo.seen_by(face)).collect();
+            if views.is_empty() { vec![photo] } else { views }
+        });
+        let mut frames: Vec<RawFrame> = views.collect();
+        frames.sort_by(|a, b| a.name.cmp(&b.name));
+        names::make_unique(frames.iter_mut().map(|frame| &mut frame.name));
+        frames
+    }
+
+    /// How many views are made of a photo.
+    pub fn views(&self, photo: &RawFrame) -> usize {
+        let faces = self.size(photo).and_then(|size| self.faces(photo, size).ok());
+        faces.map_or(1, |faces| faces.len().max(1))
     }
 
     /// Width and height of the frame's image by its header, pixels; `None` where that cannot be read.
@@ -99,8 +156,17 @@ impl Decoder {
         target_size(size, self.max_width)
     }
 
-    /// Intrinsics of the frame's view, whose image file has this size; `None` where they contradict each other.
+    /// Width and height of the frame's view before it is downscaled; `None` where they cannot be read.
+    pub fn ideal_size(&self, frame: &RawFrame) -> Option<(usize, usize)> {
+        frame.face.as_ref().map(|face| face.size).or_else(|| self.size(frame))
+    }
+
+    /// Intrinsics of the frame's view, whose [ideal size](Self::ideal_size) this is; `None` where they contradict each
+    /// other.
     pub fn intrinsics(&self, frame: &RawFrame, size: (usize, usize)) -> Option<Intrinsics> {
+        if let Some(face) = &frame.face {
+            return Some(scaled(face.intrinsics, size, self.target(size)));
+        }
         let actual = (size.0 as u32, size.1 as u32);
         let resolved = frame.lens.resolve(actual, &frame.image_path, &frame.file).ok()?;
         Some(scaled(resolved.intrinsics, size, self.target(size)))
@@ -120,7 +186,7 @@ impl Decoder {
 
     fn photo(&self, frame: &RawFrame, size: (usize, usize)) -> PhotoShape {
         let target = self.target(size);
-        PhotoShape { size, target, undistorted: !frame.lens.distortion.is_none(), behind: self.behind }
+        PhotoShape { size, target, undistorted: !frame.lens.is_ideal(), behind: self.behind }
     }
 }
 
@@ -134,6 +200,8 @@ impl Camera {
 
     fn note(&self, frame: &RawFrame, sides: SideNotes) -> ViewNote {
         ViewNote {
+            projection: frame.lens.projection,
+            faces: Vec::new(),
             name: frame.name.clone(),
             size: self.size,
             intrinsics: self.resolved.intrinsics,

@@ -5,11 +5,16 @@
 use gs_base::Intrinsics;
 
 use crate::distortion::Distortion;
+use crate::projection::Projection;
 
 /// Largest share of a photo that may lie beyond the fold. A tenth is what lies in the corners, beyond 0.8 of half the
 /// diagonal: few points are matched there, so that the lens of a sound photo may turn back there, and these pixels are
 /// left out. A lens that folds further in contradicts photos that show something there.
 const SHARE_MAX: f64 = 0.1;
+
+/// Least radius of what a fisheye photo shows, as a share of half its shorter side, if more than [`SHARE_MAX`] lies
+/// beyond the fold: such photos are dark around a circle, and a calibration says nothing of what is dark.
+const CIRCLE_MIN: f64 = 0.5;
 
 /// Directions from the principal point in which a lens with tangential distortion is looked at; without it all are
 /// alike.
@@ -47,16 +52,22 @@ pub(crate) enum Fault {
 }
 
 /// The fault of a lens for a photo of `size` pixels.
-pub(crate) fn fault(distortion: &Distortion, intrinsics: Intrinsics, size: (f64, f64)) -> Option<Fault> {
+pub(crate) fn fault(
+    projection: Projection,
+    distortion: &Distortion,
+    intrinsics: Intrinsics,
+    size: (f64, f64),
+) -> Option<Fault> {
     if distortion.is_none() {
         return None;
     }
     let Intrinsics { fx, fy, cx, cy } = intrinsics;
     let far = |side: f64, c: f64, f: f64| (c / f).abs().max(((side - c) / f).abs());
     let corner = far(size.0, cx, fx).hypot(far(size.1, cy, fy));
-    let directions = if distortion.p == [0.0; 2] { 1 } else { DIRECTIONS };
+    let directions = if distortion.is_radial() { 1 } else { DIRECTIONS };
     let angle = |index: usize| std::f64::consts::TAU * index as f64 / directions as f64;
-    let ends: Vec<End> = (0..directions).map(|index| along(distortion, angle(index), corner)).collect();
+    let ends: Vec<End> =
+        (0..directions).map(|index| along(distortion, angle(index), corner, projection.reach())).collect();
     let reach: Vec<f64> =
         ends.iter().map(|end| if let End::Fold(radius) = end { *radius } else { f64::INFINITY }).collect();
     let radius = reach.iter().copied().fold(f64::INFINITY, f64::min);
@@ -72,7 +83,9 @@ pub(crate) fn fault(distortion: &Distortion, intrinsics: Intrinsics, size: (f64,
     };
     let points = (0..GRID * GRID).map(|i| (at(i % GRID, size.0, cx, fx), at(i / GRID, size.1, cy, fy)));
     let share = points.filter(|(x, y)| is_beyond(*x, *y)).count() as f64 / (GRID * GRID) as f64;
-    (share > SHARE_MAX).then_some(Fault::Folds { radius, share })
+    let circle = CIRCLE_MIN * 0.5 * (size.0 / fx).min(size.1 / fy);
+    let is_circle = projection != Projection::Pinhole && radius >= circle;
+    (share > SHARE_MAX && !is_circle).then_some(Fault::Folds { radius, share })
 }
 
 /// The end of the part of the ideal image, in one direction, that the photo can show.
@@ -85,7 +98,8 @@ enum End {
     None,
 }
 
-fn along(distortion: &Distortion, angle: f64, corner: f64) -> End {
+/// `reach` is the farthest ideal radius that there is.
+fn along(distortion: &Distortion, angle: f64, corner: f64, reach: f64) -> End {
     let (y, x) = angle.sin_cos();
     let observed = |r: f64| {
         let (x, y) = distortion.apply(x * r, y * r);
@@ -97,6 +111,9 @@ fn along(distortion: &Distortion, angle: f64, corner: f64) -> End {
     let mut sound = 0.0;
     for index in 1..=FARTHEST * STEPS {
         let r = step * index as f64;
+        if r > reach {
+            return End::None;
+        }
         if is_sound(r) {
             sound = r;
             if observed(r) > corner {
@@ -123,7 +140,8 @@ mod tests {
     const PHOTO: Intrinsics = Intrinsics { fx: 100.0, fy: 100.0, cx: 100.0, cy: 75.0 };
 
     fn found(k: [f64; 4], d: [f64; 3], p: [f64; 2]) -> Option<Fault> {
-        fault(&Distortion { k, d, p }, PHOTO, (200.0, 150.0))
+        let distortion = Distortion { k, d, p, ..Distortion::default() };
+        fault(Projection::Pinhole, &distortion, PHOTO, (200.0, 150.0))
     }
 
     fn fold(k1: f64) -> (f64, f64) {

@@ -1,5 +1,6 @@
 //! How a file describes a lens, and what that means for an image of a given size.
 
+use std::f64::consts::{PI, TAU};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
@@ -9,6 +10,7 @@ use gs_base::sentence::{decimals, number};
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::fold::{self, Fault};
+use crate::projection::Projection;
 
 /// Largest difference between declared and actual proportions that is put down to rounding when someone resized the
 /// images: one pixel of a hundred. Beyond it the image was cropped or turned, and no scaling makes the intrinsics fit.
@@ -63,6 +65,8 @@ pub(crate) struct Lens {
     /// Size that pixel values above belong to.
     pub width: Option<f64>,
     pub height: Option<f64>,
+    /// A panorama has no focal length and no principal point: its longitudes and latitudes fill the photo.
+    pub projection: Projection,
     pub distortion: Distortion,
 }
 
@@ -78,7 +82,7 @@ pub(crate) struct Resolved {
 }
 
 impl Lens {
-    /// A lens whose values are all given: fx, fy, cx and cy in pixels of a photo of `size`.
+    /// A pinhole whose values are all given: fx, fy, cx and cy in pixels of a photo of `size`.
     pub fn of([fx, fy, cx, cy]: [f64; 4], size: (f64, f64), distortion: Distortion) -> Self {
         Self {
             focal_x: Some(Focal::Pixels(fx)),
@@ -87,8 +91,14 @@ impl Lens {
             cy: Some(cy),
             width: Some(size.0),
             height: Some(size.1),
+            projection: Projection::Pinhole,
             distortion,
         }
+    }
+
+    /// Whether photos are those of a pinhole as they are.
+    pub fn is_ideal(&self) -> bool {
+        self.projection == Projection::Pinhole && self.distortion.is_none()
     }
 
     /// The size the file declares; a side it leaves out follows from the image's proportions.
@@ -124,7 +134,7 @@ impl Lens {
                 self.shown(),
             )
         })?;
-        if let Some(fault) = fold::fault(&self.distortion, intrinsics, (width, height)) {
+        if let Some(fault) = fold::fault(self.projection, &self.distortion, intrinsics, (width, height)) {
             return Err(self.diverged(fault, intrinsics, image, file));
         }
         let rescaled = (scale_x - 1.0).abs() > 1e-9 || (scale_y - 1.0).abs() > 1e-9;
@@ -137,7 +147,7 @@ impl Lens {
     }
 
     fn diverged(&self, fault: Fault, intrinsics: Intrinsics, image: &Path, file: &Path) -> DatasetError {
-        let Distortion { k, d, p } = self.distortion;
+        let Distortion { k, d, p, s } = self.distortion;
         let named = |name: &'static str, values: &[f64]| -> Vec<String> {
             let values = values.iter().enumerate().filter(|(_, value)| **value != 0.0);
             values.map(|(i, value)| format!("{name}{} {}", i + 1, number(*value))).collect()
@@ -148,7 +158,8 @@ impl Lens {
             .zip(4..)
             .filter(|(value, _)| **value != 0.0)
             .map(|(value, i)| format!("k{i} {} below", number(*value)));
-        let coefficients: Vec<String> = named("k", &k).into_iter().chain(divisor).chain(named("p", &p)).collect();
+        let further = divisor.chain(named("p", &p)).chain(named("s", &s));
+        let coefficients: Vec<String> = named("k", &k).into_iter().chain(further).collect();
         let how = match fault {
             Fault::Folds { radius, share } => format!(
                 "one that folds back {} focal lengths ({} pixels) from the principal point, so that it cannot show \
@@ -164,6 +175,19 @@ impl Lens {
         let found = format!("{how} ({}): the calibration diverged", coefficients.join(", "));
         let location = format!("frame {:?}", image.display().to_string());
         DatasetError::malformed(file, location, "a lens that shows each part of the photo once", found)
+    }
+
+    /// The pinhole of the lens's focal lengths and principal point, for an image of `size` pixels to be rendered.
+    /// `file` gives them.
+    pub fn pinhole(&self, size: (u32, u32), file: &Path) -> Result<Intrinsics, DatasetError> {
+        if self.projection == Projection::Equirectangular {
+            return Err(DatasetError::Unsupported {
+                path: file.to_path_buf(),
+                what: "an equirectangular camera for rendering".to_string(),
+                expected: "cameras with a focal length".to_string(),
+            });
+        }
+        Ok(self.resolve(size, file, file)?.intrinsics)
     }
 
     /// Focal lengths and principal point as the file gives them, for a message.
@@ -182,6 +206,9 @@ impl Lens {
 
     /// Intrinsics for the declared size; `None` when they are no camera's, or that of photos of quite another size.
     pub fn intrinsics(&self, width: f64, height: f64) -> Option<Intrinsics> {
+        if self.projection == Projection::Equirectangular {
+            return Some(Intrinsics { fx: width / TAU, fy: height / PI, cx: 0.5 * width, cy: 0.5 * height });
+        }
         let x = self.focal_x.map(|focal| focal.pixels(width));
         let y = self.focal_y.map(|focal| focal.pixels(height));
         let (fx, fy) = (x.or(y)?, y.or(x)?);

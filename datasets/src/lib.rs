@@ -12,8 +12,9 @@
 //! cameras, tables of RealityScan, and the folders with a text for each camera that OmniVGGT takes.
 //!
 //! Four words have one meaning each. A *photo* is an image that a camera took. A *frame* is the description of one
-//! photo: its camera, time and files. A *view* is the record made from a frame, [`View`]: the undistorted photo at
-//! training size with its camera, masks, priors and truth. A *split* is a named list of views. All fields of a view are
+//! photo: its camera, time and files; a fisheye photo or a panorama has a frame for each pinhole view that is made of
+//! it. A *view* is the record made from a frame, [`View`]: the undistorted photo at training size with its camera,
+//! masks, priors and truth. A *split* is a named list of views. All fields of a view are
 //! given by the data set; nothing inferred from photos is written there: the crate `gs-multiview` infers masks, tracks
 //! and points. Neither knows tensors; the trainer turns a `Scene` into them.
 //!
@@ -37,6 +38,8 @@ mod decode;
 mod description;
 mod distortion;
 mod error;
+mod face;
+mod faces;
 mod findings;
 mod fold;
 mod folder;
@@ -62,6 +65,7 @@ mod pixels;
 mod ply;
 mod pose;
 mod priors;
+mod projection;
 mod raw;
 mod reduce;
 mod resample;

@@ -23,15 +23,16 @@ use crate::scene::{Scene, Split};
 /// a COLMAP model and its images, with train_meta.json (Panoptic), or with poses_bounds.npy (LLFF, N3DV).
 ///
 /// Lens distortion is removed (keeping focal lengths and principal point; pixels that the photo does not show are
-/// masked out), transparency is composited, images are downscaled to `options.max_width` with an area filter, and the
-/// views are split. Images that do not exist are left out with a warning. Priors and truth beside the photos are loaded
-/// at the photos' training size; one that is missing, broken or of another shape is left out with a warning.
+/// masked out), fisheye photos and panoramas become pinhole views, transparency is composited, images are downscaled to
+/// `options.max_width` with an area filter, and the views are split; all views of a photo are in one split. Images
+/// that do not exist are left out with a warning. Priors and truth beside the photos are loaded at the photos' training
+/// size; one that is missing, broken or of another shape is left out with a warning.
 ///
 /// # Errors
 /// When a file is missing, unreadable, cut off or contradicts its format; when a pose, point or intrinsic is not finite
-/// or a pose is not rigid; when an image's proportions contradict its intrinsics; when a camera model is not a pinhole
-/// with radial and tangential distortion, or folds inside the photo; when two views with different poses share a photo;
-/// when all training photos have one colour; when no training view is left.
+/// or a pose is not rigid; when an image's proportions contradict its intrinsics; when a camera model is none of
+/// those that are read, or folds inside the photo; when two views with different poses share a photo; when all training
+/// photos have one colour; when no training view is left.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let (log, mut findings) = Log::describe(path, options)?;
     let decoded: Vec<Result<(View, ViewNote), DatasetError>> =

@@ -42,7 +42,7 @@ pub struct FrameDescription {
     pub size: Option<(usize, usize)>,
     /// The view's intrinsics; `None` where the size is not known or contradicts the camera. Decoding then says why.
     pub intrinsics: Option<Intrinsics>,
-    /// The image file.
+    /// The image file; several views of a wide photo have one.
     pub image_path: PathBuf,
     /// As [`View::exposure`].
     pub exposure: Option<f64>,
@@ -119,9 +119,12 @@ impl Log {
         if options.sparse.is_some() && description.points.is_some() {
             findings.warn_all(split::hidden_points(&description.frames, &plan, path));
         }
-        let held_out = format!("held out: {} ({})", plan.counts(), plan.rule);
-        tracing::info!("{}: {}, {}", shown(path), counted(plan.train.len(), "training view"), printable(&held_out));
-        Ok((Self::of(description, &plan, path, options), findings))
+        let log = Self::of(description, &plan, path, options);
+        let mut counts = log.splits().map(|(name, frames)| (name, frames.len()));
+        let train = counts.next().map_or(0, |(_, count)| count);
+        let held_out = format!("held out: {} ({})", split::counts(counts), plan.rule);
+        tracing::info!("{}: {}, {}", shown(path), counted(train, "training view"), printable(&held_out));
+        Ok((log, findings))
     }
 
     fn of(description: Description, plan: &SplitPlan, path: &Path, options: &LoadOptions) -> Self {
@@ -131,7 +134,8 @@ impl Log {
         let train = std::iter::once((Split::TRAIN, &plan.train));
         for (name, list) in train.chain(plan.held_out.iter().map(|(name, list)| (name.as_str(), list))) {
             let start = raw.len();
-            raw.extend(list.iter().filter_map(|index| by_index[*index].take()));
+            let photos = list.iter().filter_map(|index| by_index[*index].take()).collect();
+            raw.extend(description.decoder.frames(photos));
             splits.push((name.to_string(), start..raw.len()));
         }
         let trains = splits[0].1.len();
@@ -244,7 +248,7 @@ impl FrameSource for Log {
 }
 
 fn describe(frame: &RawFrame, split: &str, decoder: &Decoder) -> FrameDescription {
-    let size = decoder.size(frame);
+    let size = decoder.ideal_size(frame);
     FrameDescription {
         name: frame.name.clone(),
         split: split.to_string(),

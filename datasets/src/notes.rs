@@ -5,9 +5,11 @@ use std::path::Path;
 use gs_base::statistics::range;
 use gs_base::{Intrinsics, agree, counted, median};
 
+use crate::face::Face;
 use crate::mask::SUSPECT_SHARE;
 use crate::names::some_names;
 use crate::priors::attach::SideNotes;
+use crate::projection::Projection;
 
 /// Facts about one decoded frame, for sentences about many.
 pub(crate) struct ViewNote {
@@ -16,6 +18,9 @@ pub(crate) struct ViewNote {
     pub size: (usize, usize),
     /// At that size.
     pub intrinsics: Intrinsics,
+    pub projection: Projection,
+    /// The pinhole views of a wide photo. Known only of photos that [`examine`](crate::decode::Decoder::examine) read.
+    pub faces: Vec<Face>,
     /// The declared size, where intrinsics were rescaled.
     pub rescaled: Option<(f64, f64)>,
     pub off_photo: bool,

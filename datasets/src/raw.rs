@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 
+use crate::face::Face;
 use crate::lens::Lens;
 use crate::mask::MaskFile;
 use crate::scene::{SceneFormat, Split};
@@ -46,7 +47,10 @@ pub(crate) struct RawFrame {
     pub image_path: PathBuf,
     /// Camera to world, OpenCV axes, in the file's world.
     pub c2w: DMat4,
+    /// The photo's.
     pub lens: Lens,
+    /// The pinhole view of the photo that the frame is of; `None` where it is of the whole photo. Readers leave it out.
+    pub face: Option<Face>,
     pub time: Option<f64>,
     pub camera_id: Option<String>,
     pub masks: Vec<MaskFile>,
@@ -69,6 +73,7 @@ impl RawFrame {
             image_path,
             c2w,
             lens,
+            face: None,
             time: None,
             camera_id: None,
             masks: Vec::new(),
@@ -77,6 +82,13 @@ impl RawFrame {
             split: None,
             file,
         }
+    }
+
+    /// The frame of a view of the photo that this frame is of.
+    pub fn seen_by(&self, face: Face) -> Self {
+        let name = format!("{}{}", self.name, face.ending);
+        let c2w = self.c2w * DMat4::from_mat3(face.rotation);
+        Self { name, c2w, face: Some(face), ..self.clone() }
     }
 }
 

@@ -9,7 +9,8 @@ use crate::undistort::{Undistortion, sample};
 /// from masked or undefined pixels would be mixed into ones that are learned from.
 pub(crate) const COVERAGE_MIN: f32 = 0.999;
 
-/// Undistorts, masks and downscales row by row: beside the decoded photo only one row is held in floats.
+/// Undistorts, masks and downscales to `target`, at most the size of the ideal image, row by row: beside the decoded
+/// photo only one row is held in floats.
 pub(crate) fn resample(
     photo: Photo,
     masks: &[Mask],
@@ -17,15 +18,16 @@ pub(crate) fn resample(
     target: (usize, usize),
 ) -> (Vec<u8>, Option<Vec<u8>>) {
     let size = photo.size();
+    let ideal = undistortion.map_or(size, Undistortion::ideal_size);
     let plain = masks.is_empty() && undistortion.is_none();
     let photo = match photo {
         Photo::Rgb8(image) if plain && size == target => return (image.into_raw(), None),
         other => other,
     };
-    let mut colors = AreaResampler::<3>::new(size, target);
-    let mut coverage = (!plain).then(|| AreaResampler::<1>::new(size, target));
-    let (mut row, mut row_coverage) = (vec![0.0; 3 * size.0], vec![1.0; size.0]);
-    for y in 0..size.1 {
+    let mut colors = AreaResampler::<3>::new(ideal, target);
+    let mut coverage = (!plain).then(|| AreaResampler::<1>::new(ideal, target));
+    let (mut row, mut row_coverage) = (vec![0.0; 3 * ideal.0], vec![1.0; ideal.0]);
+    for y in 0..ideal.1 {
         match undistortion {
             Some(undistortion) => undistort_row(&photo, undistortion, y, &mut row, &mut row_coverage),
             None => photo.copy_row(y, &mut row),
@@ -51,7 +53,7 @@ fn undistort_row(photo: &Photo, undistortion: &Undistortion, y: usize, row: &mut
     }
 }
 
-/// Takes what mask files ignore out of a row's coverage.
+/// Takes what mask files ignore out of a row's coverage; `size` is the photo's.
 fn mask_row(masks: &[Mask], undistortion: Option<&Undistortion>, y: usize, size: (usize, usize), coverage: &mut [f32]) {
     if masks.is_empty() {
         return;

@@ -1,14 +1,20 @@
 //! Removing lens distortion: for each pixel of the ideal pinhole image, where the photo shows it.
 //!
-//! The ideal image has the photo's size and fx, fy, cx, cy. The lens model runs forward (ideal to observed), so nothing
-//! is inverted. Colours are interpolated between the four pixels around the observed position; ideal pixels whose
-//! observed position lies outside the photo, or where the lens model folds back on itself, have no colour and are
-//! masked out.
+//! The ideal image of a pinhole's photo has the photo's size and fx, fy, cx, cy; those of wide photos are their
+//! [`faces`](crate::faces). The lens model runs forward (ideal to observed), so nothing is inverted. Colours are
+//! interpolated between the four pixels around the observed position; ideal pixels whose observed position lies outside
+//! the photo, or where the lens model folds back on itself, have no colour and are masked out.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use glam::{DMat3, DVec3};
 use gs_base::Intrinsics;
 
 use crate::distortion::Distortion;
+use crate::face::Face;
+use crate::lens::Lens;
 use crate::pixels::Photo;
+use crate::projection::Projection;
 
 /// Most by which [`Undistortion::filling`] enlarges the focal lengths. A lens that needs more would lose three quarters
 /// of the photo.
@@ -18,16 +24,28 @@ const ZOOM_MAX: f64 = 2.0;
 /// of its width.
 const ZOOM_STEPS: usize = 24;
 
+/// Halvings of the interval of angles: a hundredth of a pixel of the largest photos.
+const ANGLE_STEPS: usize = 32;
+
 /// From ideal pixels to positions in the photo.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Undistortion {
+    projection: Projection,
     distortion: Distortion,
+    /// The photo's.
     intrinsics: Intrinsics,
-    /// 1/fx and 1/fy.
-    inverse: (f64, f64),
+    /// The photo's.
     width: f64,
     height: f64,
     valid_radius2: f64,
+    /// From the camera axes of the ideal image to those of the photo.
+    rotation: DMat3,
+    /// 1/fx and 1/fy of the ideal image.
+    inverse: (f64, f64),
+    /// Principal point of the ideal image, pixels.
+    centre: (f64, f64),
+    /// Width and height of the ideal image, pixels.
+    ideal: (usize, usize),
 }
 
 impl Undistortion {
@@ -39,14 +57,68 @@ impl Undistortion {
 
     /// `None` when the ideal image has no end.
     fn of(distortion: Distortion, intrinsics: Intrinsics, size: (usize, usize)) -> Option<Self> {
-        let (width, height) = (size.0 as f64, size.1 as f64);
         // The limit of the search for a fold; the ideal image shows no more than this.
         let far = |side: f64, c: f64, f: f64| (c / f).abs().max(((side - c) / f).abs());
-        let (x, y) = (far(width, intrinsics.cx, intrinsics.fx), far(height, intrinsics.cy, intrinsics.fy));
-        let inverse = (1.0 / intrinsics.fx, 1.0 / intrinsics.fy);
-        let valid_radius2 = distortion.valid_radius2(x * x + y * y);
-        let this = Self { distortion, intrinsics, inverse, width, height, valid_radius2 };
+        let x = far(size.0 as f64, intrinsics.cx, intrinsics.fx);
+        let y = far(size.1 as f64, intrinsics.cy, intrinsics.fy);
+        let this = Self::within(x * x + y * y, Projection::Pinhole, distortion, intrinsics, size);
         (x.is_finite() && y.is_finite()).then_some(this)
+    }
+
+    /// For a photo of `size` pixels by a lens of any kind; the ideal image is yet that of a pinhole with the same
+    /// intrinsics. The corners of a fisheye photo are left out from a right angle to the optical axis on, or from the
+    /// angle on that its shorter sides reach: lenses that wide have a round image, which is dark in the corners.
+    pub(crate) fn wide(lens: &Lens, intrinsics: Intrinsics, size: (usize, usize)) -> Self {
+        let projection = lens.projection;
+        let photo = Self::within(projection.reach().powi(2), projection, lens.distortion, intrinsics, size);
+        if projection == Projection::Equirectangular {
+            return photo;
+        }
+        let along = |axis: DVec3| photo.angle_towards(axis).max(photo.angle_towards(-axis));
+        let circle = along(DVec3::X).min(along(DVec3::Y)).max(FRAC_PI_2);
+        let rim = projection.of_ray(DVec3::new(circle.sin(), 0.0, circle.cos()));
+        let valid_radius2 = photo.valid_radius2.min(rim.map_or(f64::INFINITY, |(x, y)| x * x + y * y));
+        Self { valid_radius2, ..photo }
+    }
+
+    /// The largest angle to the optical axis, radians, that a wide photo shows towards a side of length 1, across the
+    /// axis; 0 where it does not show the axis.
+    pub(crate) fn angle_towards(&self, side: DVec3) -> f64 {
+        let (mut low, mut high) = (0.0, PI);
+        for _ in 0..ANGLE_STEPS {
+            let middle: f64 = 0.5 * (low + high);
+            let is_shown = self.of_ray(middle.cos() * DVec3::Z + middle.sin() * side).is_some();
+            if is_shown { low = middle } else { high = middle }
+        }
+        low
+    }
+
+    /// `reach2` is the squared radius, in normalised coordinates, beyond which no ideal point is asked for.
+    fn within(
+        reach2: f64,
+        projection: Projection,
+        distortion: Distortion,
+        intrinsics: Intrinsics,
+        size: (usize, usize),
+    ) -> Self {
+        Self {
+            projection,
+            distortion,
+            intrinsics,
+            width: size.0 as f64,
+            height: size.1 as f64,
+            valid_radius2: distortion.valid_radius2(reach2),
+            rotation: DMat3::IDENTITY,
+            inverse: (1.0 / intrinsics.fx, 1.0 / intrinsics.fy),
+            centre: (intrinsics.cx, intrinsics.cy),
+            ideal: size,
+        }
+    }
+
+    /// With a face as the ideal image.
+    pub(crate) fn onto(self, face: &Face) -> Self {
+        let Intrinsics { fx, fy, cx, cy } = face.intrinsics;
+        Self { rotation: face.rotation, inverse: (1.0 / fx, 1.0 / fy), centre: (cx, cy), ideal: face.size, ..self }
     }
 
     /// For readers without masks: the focal lengths of the ideal image are larger than `intrinsics`, those of the
@@ -78,15 +150,36 @@ impl Undistortion {
             && pixels(self.height).all(|v| shows(0.5, v) && shows(self.width - 0.5, v))
     }
 
-    /// Width and height of the photo and of the ideal image, pixels.
+    /// Width and height of the ideal image, pixels.
+    pub(crate) fn ideal_size(&self) -> (usize, usize) {
+        self.ideal
+    }
+
+    /// Width and height of the photo, pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.width as usize, self.height as usize)
     }
 
     /// The photo's position of the ideal image's point (u, v), in pixels from the corner; `None` outside the photo.
     pub fn observed(&self, u: f64, v: f64) -> Option<(f64, f64)> {
+        let (x, y) = ((u - self.centre.0) * self.inverse.0, (v - self.centre.1) * self.inverse.1);
+        match self.projection {
+            Projection::Pinhole => self.distorted(x, y),
+            _ => self.of_ray(self.rotation * DVec3::new(x, y, 1.0)),
+        }
+    }
+
+    /// The photo's position of a direction in its camera axes, in pixels from the corner; `None` outside the photo.
+    #[inline]
+    pub(crate) fn of_ray(&self, ray: DVec3) -> Option<(f64, f64)> {
+        let (x, y) = self.projection.of_ray(ray)?;
+        self.distorted(x, y)
+    }
+
+    /// The photo's position of an ideal point in normalised coordinates.
+    #[inline]
+    fn distorted(&self, x: f64, y: f64) -> Option<(f64, f64)> {
         let Intrinsics { fx, fy, cx, cy } = self.intrinsics;
-        let (x, y) = ((u - cx) * self.inverse.0, (v - cy) * self.inverse.1);
         if x * x + y * y > self.valid_radius2 {
             return None;
         }

@@ -15,6 +15,7 @@ use crate::mask::Mask;
 use crate::mask::{MaskFile, White};
 use crate::pixels::{self, Behind, Photo};
 use crate::pose::opencv_from_opengl;
+use crate::projection::Projection;
 use crate::raw::RawFrame;
 use crate::resize::{AreaResampler, target_size};
 
@@ -134,10 +135,14 @@ fn add_lens(
     let Intrinsics { fx, fy, cx, cy } = intrinsics;
     let lens = [("fl_x", fx), ("fl_y", fy), ("cx", cx), ("cy", cy), ("w", size.0 as f64), ("h", size.1 as f64)];
     let distortion = &frame.lens.distortion;
-    if distortion.d != [0.0; 3] {
+    let kind = match frame.lens.projection {
+        Projection::Pinhole => (distortion.d != [0.0; 3]).then_some("FULL_OPENCV"),
+        other => Some(other.kind()),
+    };
+    if let Some(kind) = kind {
         return Err(DatasetError::Unsupported {
             path: frame.file.clone(),
-            what: "a lens of the kind FULL_OPENCV".to_string(),
+            what: format!("a lens of the kind {kind}"),
             expected: "at most k1 to k4, p1 and p2, which transforms.json can say".to_string(),
         });
     }

@@ -65,13 +65,11 @@ pub(super) fn reprojection(model: &Model, cameras_file: &Path) -> Option<Reproje
     })
 }
 
-/// Where the photo (with its distortion) shows a point in camera coordinates, pixels; `None` behind the camera.
+/// Where the photo (with its distortion) shows a point in camera coordinates, pixels; `None` behind a pinhole.
 fn project(lens: &Lens, point: DVec3) -> Option<(f64, f64)> {
     let intrinsics = lens.intrinsics(lens.width?, lens.height?)?;
-    if point.z <= 0.0 {
-        return None;
-    }
-    let (x, y) = lens.distortion.apply(point.x / point.z, point.y / point.z);
+    let (x, y) = lens.projection.of_ray(point)?;
+    let (x, y) = lens.distortion.apply(x, y);
     Some((x * intrinsics.fx + intrinsics.cx, y * intrinsics.fy + intrinsics.cy))
 }
 

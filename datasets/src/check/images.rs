@@ -1,5 +1,7 @@
 //! Facts and mistakes that show when every image, mask and prior is decoded.
 
+use std::collections::BTreeMap;
+
 use gs_base::statistics::range;
 use gs_base::{agree, clause, counted};
 use rayon::prelude::*;
@@ -7,11 +9,13 @@ use rayon::prelude::*;
 use super::CheckReport;
 use crate::decode::Decoder;
 use crate::error::DatasetError;
+use crate::face::Face;
 use crate::findings::Findings;
 use crate::names::some_names;
 use crate::notes::{ViewNote, few_levels, off_photo_warning, suspicion};
 use crate::one_color;
 use crate::priors::summary::{self, Noted};
+use crate::projection::Projection;
 use crate::raw::RawFrame;
 
 /// Decodes every frame. Beside each stands whether it trains.
@@ -68,7 +72,8 @@ pub(super) fn describe(
     }
     findings.warn_all(off_photo_warning(&report.path, &decoded));
     findings.warn_all(few_levels(&report.path, &decoded, decoder.behind.levels));
-    let across = |value: fn(&ViewNote) -> f64| range(decoded.iter().map(value)).map(shown);
+    let pinholes = || decoded.iter().filter(|value| value.projection == Projection::Pinhole);
+    let across = |value: fn(&ViewNote) -> f64| range(pinholes().map(value)).map(shown);
     let x = across(|value| value.intrinsics.fx);
     let y = across(|value| value.intrinsics.fy);
     let angle = across(|value| 2.0 * (0.5 * value.size.0 as f64 / value.intrinsics.fx).atan().to_degrees());
@@ -77,6 +82,7 @@ pub(super) fn describe(
             .facts
             .push(format!("Focal lengths are {x} by {y} pixels; the horizontal angle of view is {angle} degrees."));
     }
+    report.facts.extend(wide_photos(&decoded));
     let distorted = frames.iter().filter(|(frame, _)| !frame.lens.distortion.is_none()).count();
     report.facts.push(match distorted {
         0 => "No lens distortion is declared.".to_string(),
@@ -95,6 +101,25 @@ pub(super) fn describe(
         .collect();
     report.facts.extend(summary::facts(&noted));
     summary::warn(&report.path, &noted, findings);
+}
+
+/// How many pinhole views are made of wide photos, a sentence for each kind.
+fn wide_photos(notes: &[ViewNote]) -> Vec<String> {
+    // The horizontal angles of all views, degrees.
+    let mut kinds: BTreeMap<(&str, usize), Vec<f64>> = BTreeMap::new();
+    for note in notes.iter().filter(|note| !note.faces.is_empty()) {
+        let angles = note.faces.iter().map(Face::across);
+        kinds.entry((note.projection.kind(), note.faces.len())).or_default().extend(angles);
+    }
+    let said = |((kind, views), angles): ((&str, usize), Vec<f64>)| {
+        let photos = counted(angles.len() / views, &format!("{kind} photo"));
+        let angle = range(angles.into_iter()).map(|(low, high)| match (low.round(), high.round()) {
+            (low, high) if low < high => format!("{low} to {high}"),
+            (low, _) => low.to_string(),
+        })?;
+        Some(format!("{photos}, each as {} of {angle} degrees across.", counted(views, "pinhole view")))
+    };
+    kinds.into_iter().filter_map(said).collect()
 }
 
 /// "1375.52" or "1370.00 to 1380.00".

@@ -93,14 +93,14 @@ fn fill(
     let plan = plan?;
     let train: Vec<&RawFrame> = plan.train.iter().map(|index| &frames[*index]).collect();
     let held_out: Vec<&RawFrame> = plan.held_out_frames().map(|index| &frames[index]).collect();
-    report.train = train.len();
-    report.held_out = plan.held_out.iter().map(|(name, list)| (name.clone(), list.len())).collect();
+    let views = |list: &[usize]| list.iter().map(|index| decoder.views(&frames[*index])).sum();
+    report.train = views(&plan.train);
+    report.held_out = plan.held_out.iter().map(|(name, list)| (name.clone(), views(list))).collect();
     let training = clause(report.train, "view", "trains", "train");
-    report.facts.push(match held_out.len() {
+    let counts = split::counts(report.held_out.iter().map(|(name, count)| (name.as_str(), *count)));
+    report.facts.push(match report.views() - report.train {
         0 => format!("{training}, none is held out: {}.", plan.rule),
-        count => {
-            format!("{training}, {count} {} held out ({}): {}.", agree(count, "is", "are"), plan.counts(), plan.rule)
-        }
+        count => format!("{training}, {count} {} held out ({counts}): {}.", agree(count, "is", "are"), plan.rule),
     });
     if options.sparse.is_some() && points.is_some() {
         findings.warn_all(split::hidden_points(&frames, &plan, path));

@@ -9,6 +9,7 @@ use gs_base::{agree, mean, median};
 
 use crate::findings::Findings;
 use crate::lens::{Focal, Lens};
+use crate::projection::Projection;
 use crate::raw::{RawFrame, SplitName};
 use crate::subject::{STRAY, strays, subject};
 
@@ -177,8 +178,10 @@ fn compare_sets(frames: &[RawFrame], scene: &Path, findings: &mut Findings) {
             focal_length(&first_test.lens)
         ));
     }
+    // A photo that shows what is behind its camera, too, may be turned anywhere.
+    let is_wide = frames.iter().any(|frame| frame.lens.projection != Projection::Pinhole);
     let poses: Vec<DMat4> = train.iter().map(|frame| frame.c2w).collect();
-    if let Some(target) = subject(&poses) {
+    if let Some(target) = subject(&poses).filter(|_| !is_wide) {
         let distance = |frame: &RawFrame| frame.c2w.w_axis.truncate().distance(target);
         let mut distances: Vec<f64> = train.iter().map(|frame| distance(frame)).collect();
         distances.sort_by(f64::total_cmp);

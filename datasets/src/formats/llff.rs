@@ -22,7 +22,7 @@ use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::folder::{entries, file_name, folder_of, has_extension, stem};
 use crate::foreign::{CONVERT, Foreign, is_photo};
-use crate::lens::{Focal, Lens};
+use crate::lens::Lens;
 use crate::options::{LoadOptions, MaskUse};
 use crate::order::natural;
 use crate::priors::sources;
@@ -237,10 +237,6 @@ fn camera(row: &[f64], file: &Path, index: usize) -> Result<(DMat4, Lens), Datas
     }
     let c2w = pose::rigid(&matrix, file, &label)?.c2w;
     // The principal point is the middle of the photo, whatever its own size is.
-    let focal = Some(Focal::Pixels(focal));
-    let (width, height) = (Some(width), Some(height));
-    Ok((
-        c2w,
-        Lens { focal_x: focal, focal_y: focal, cx: None, cy: None, width, height, distortion: Distortion::default() },
-    ))
+    let lens = Lens::of([focal, focal, 0.0, 0.0], (width, height), Distortion::default());
+    Ok((c2w, Lens { cx: None, cy: None, ..lens }))
 }

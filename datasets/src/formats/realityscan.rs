@@ -170,8 +170,8 @@ impl<'a> Row<'a> {
         let centre = [0.5 * width + optional("px")? * longer, 0.5 * height + optional("py")? * longer];
         let distortion = Distortion {
             k: [optional("k1")?, optional("k2")?, optional("k3")?, optional("k4")?],
-            d: [0.0; 3],
             p: [optional("t1")?, optional("t2")?],
+            ..Distortion::default()
         };
         let lens = Lens::of([focal, focal, centre[0], centre[1]], (width, height), distortion);
         Ok(RawFrame::posed(name, image_path, pose::opencv_from_opengl(c2w), lens, self.file.to_path_buf()))

@@ -47,12 +47,6 @@ impl SplitPlan {
         self.held_out.iter().any(|(_, list)| is_listed(list)).then_some(false)
     }
 
-    /// "3 test, 4 validation"; "none" without any.
-    pub fn counts(&self) -> String {
-        let counts: Vec<String> = self.held_out.iter().map(|(name, list)| format!("{} {name}", list.len())).collect();
-        if counts.is_empty() { "none".to_string() } else { counts.join(", ") }
-    }
-
     fn keep_reported(&mut self) {
         let kept = scene::reported(self.held_out.iter().map(|(name, _)| name.as_str()));
         let mut index = 0;
@@ -67,7 +61,13 @@ impl SplitPlan {
     }
 }
 
-/// Splits frames that are sorted by name.
+/// "3 test, 4 validation", of names of splits and their numbers of views; "none" without any.
+pub(crate) fn counts<'a>(splits: impl Iterator<Item = (&'a str, usize)>) -> String {
+    let counts: Vec<String> = splits.map(|(name, count)| format!("{count} {name}")).collect();
+    if counts.is_empty() { "none".to_string() } else { counts.join(", ") }
+}
+
+/// Splits frames that are sorted by name. They are photos: all views of one are in one split.
 pub(crate) fn plan(frames: &[RawFrame], options: &LoadOptions, scene: &Path) -> Result<SplitPlan, DatasetError> {
     let mut plan = match &options.sparse {
         Some(sparse) => sparse_views::plan(frames, sparse, scene)?,

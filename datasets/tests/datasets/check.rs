@@ -42,7 +42,7 @@ fn all_errors_are_listed() {
 /// A mistake at the top level is in every frame, and one sentence.
 #[test]
 fn one_mistake_in_all_frames_is_one_error() {
-    for (key, value) in [("fl_x", json!(-3)), ("cx", json!("middle")), ("h", json!(32)), ("is_fisheye", json!(true))] {
+    for (key, value) in [("fl_x", json!(-3)), ("cx", json!("middle")), ("h", json!(32)), ("ftheta_p0", json!(0.1))] {
         let (folder, mut top) = ring_scene(5);
         top[key] = value;
         folder.write_json("transforms.json", &top);

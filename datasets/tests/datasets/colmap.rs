@@ -51,14 +51,14 @@ fn points_project_where_images_see_them() {
 }
 
 #[test]
-fn a_camera_model_that_is_no_pinhole_is_refused_by_name_if_used() {
+fn a_camera_model_that_is_not_read_is_refused_by_name_if_used() {
     let folder = Folder::new();
     let mut model = example(&folder);
     model.write_text(&folder, "sparse/0");
     load_all(&folder);
     model.images[1].camera_id = 77;
     model.write_text(&folder, "sparse/0");
-    folder.refused(&LoadOptions::default(), &["OPENCV_FISHEYE", "cameras.txt", "SIMPLE_RADIAL"]);
+    folder.refused(&LoadOptions::default(), &["model DIVISION", "cameras.txt", "SIMPLE_RADIAL"]);
     model.images[1].camera_id = 1000;
     model.write_text(&folder, "sparse/0");
     folder.refused(&LoadOptions::default(), &["camera 1000", "images.txt"]);

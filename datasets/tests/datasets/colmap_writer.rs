@@ -36,8 +36,22 @@ pub struct Model {
     pub points: Vec<Point>,
 }
 
-const MODEL_NAMES: [&str; 7] =
-    ["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV"];
+const MODEL_NAMES: [&str; 14] = [
+    "SIMPLE_PINHOLE",
+    "PINHOLE",
+    "SIMPLE_RADIAL",
+    "RADIAL",
+    "OPENCV",
+    "OPENCV_FISHEYE",
+    "FULL_OPENCV",
+    "FOV",
+    "SIMPLE_RADIAL_FISHEYE",
+    "RADIAL_FISHEYE",
+    "THIN_PRISM_FISHEYE",
+    "RAD_TAN_THIN_PRISM_FISHEYE",
+    "SIMPLE_DIVISION",
+    "DIVISION",
+];
 
 /// Names of a model's files.
 pub const STEMS: [&str; 3] = ["cameras", "images", "points3D"];
@@ -159,6 +173,6 @@ pub fn example(folder: &Folder) -> Model {
         .collect();
     let camera = |id, model, params: &[f64]| Camera { id, model, width: 40, height: 30, params: params.to_vec() };
     let cameras =
-        vec![camera(12, 0, &[40.0, 20.0, 15.0]), camera(4, 1, &[40.0, 41.0, 20.0, 15.0]), camera(77, 5, &[1.0; 8])];
+        vec![camera(12, 0, &[40.0, 20.0, 15.0]), camera(4, 1, &[40.0, 41.0, 20.0, 15.0]), camera(77, 13, &[1.0; 5])];
     Model { cameras, images, points }
 }

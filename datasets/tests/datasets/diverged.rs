@@ -115,13 +115,13 @@ fn a_camera_model_that_is_not_read_is_one_sentence() {
             let id = if is_each { 100 + i as u32 } else { 77 };
             model.images[i].camera_id = id;
             if is_each || i == 0 {
-                model.cameras.push(Camera { id, model: 5, width: 40, height: 30, params: vec![1.0; 8] });
+                model.cameras.push(Camera { id, model: 11, width: 40, height: 30, params: vec![1.0; 16] });
             }
         }
         model.write_binary(&folder, "sparse/0");
         let report = check(folder.path(), &all());
         assert_eq!(report.errors.len(), 1, "{report}");
-        assert!(report.errors[0].contains("OPENCV_FISHEYE of 3 images"), "{report}");
+        assert!(report.errors[0].contains("model RAD_TAN_THIN_PRISM_FISHEYE of 3 images"), "{report}");
         assert!(!load(folder.path(), &all()).is_ok_and(|_| true));
     }
     // Cameras that no line lists.

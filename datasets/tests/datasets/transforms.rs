@@ -259,15 +259,3 @@ fn a_camera_file_needs_no_images_and_keeps_its_order() {
     let error = load_cameras(&folder.file("cameras.json")).expect_err("no size").to_string();
     assert!(error.contains("w and h"), "{error}");
 }
-
-#[test]
-fn projections_other_than_the_pinhole_are_refused() {
-    for (key, value) in
-        [("camera_model", json!("OPENCV_FISHEYE")), ("is_fisheye", json!(true)), ("latlong", json!(true))]
-    {
-        let (folder, mut top) = ring_scene(1);
-        top[key] = value;
-        folder.write_json("transforms.json", &top);
-        folder.refused(&all(), &["not supported", "pinhole"]);
-    }
-}

@@ -160,6 +160,11 @@ fn lenses() {
 }
 
 #[test]
+fn wide_lenses() {
+    fuzz("wide lenses", SHORT);
+}
+
+#[test]
 fn panoptic() {
     fuzz("Panoptic", SHORT);
 }

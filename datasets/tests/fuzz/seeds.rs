@@ -39,6 +39,7 @@ pub const SEEDS: &[Seed] = &[
     Seed { name: "RealityScan", write: table_of_cameras, files: &["cameras.csv"] },
     Seed { name: "paths of another machine", write: moved_here, files: &["transforms.json"] },
     Seed { name: "lenses", write: bent_lens, files: &["transforms.json"] },
+    Seed { name: "wide lenses", write: fisheye_and_panorama, files: &["transforms.json"] },
     Seed { name: "Panoptic", write: dome, files: &["train_meta.json", "test_meta.json"] },
     Seed { name: "photos", write: ring_of_cameras, files: &["images/00.png", "images/01.jpg", "masks/02.png"] },
 ];
@@ -175,6 +176,17 @@ fn bent_lens() -> Folder {
     for (key, value) in [("k1", -0.21), ("k2", 0.08), ("k3", -0.013), ("k4", 0.002), ("p1", 0.0013), ("p2", -0.0021)] {
         top[key] = json!(value);
     }
+    folder.write_json("transforms.json", &top);
+    folder
+}
+
+fn fisheye_and_panorama() -> Folder {
+    let (folder, mut top) = ring_scene(2);
+    for (key, value) in [("fl_x", 10.0), ("fl_y", 10.5), ("k1", 0.02), ("k2", -0.01), ("k3", 0.002), ("k4", -0.0001)] {
+        top[key] = json!(value);
+    }
+    top["frames"][0]["is_fisheye"] = json!(true);
+    top["frames"][1]["camera_model"] = json!("EQUIRECTANGULAR");
     folder.write_json("transforms.json", &top);
     folder
 }

@@ -102,7 +102,7 @@ pub(crate) fn cameras(files: &ModelFiles) -> Result<Vec<CameraPose>, DatasetErro
         Ok(CameraPose {
             name: names::output_name(Path::new(""), &image.name, &images_file)?,
             c2w: pose::from_world_to_camera(image.q, image.t, &images_file, &image.name)?,
-            intrinsics: lens.resolve(size, &cameras_file, &cameras_file)?.intrinsics,
+            intrinsics: lens.pinhole(size, &cameras_file)?,
             width: size.0 as usize,
             height: size.1 as usize,
             time: None,

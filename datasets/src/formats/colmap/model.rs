@@ -1,6 +1,8 @@
 //! A COLMAP sparse model in memory, and its camera models.
 
 use std::collections::HashMap;
+use std::f64::consts::PI;
+use std::ops::Range;
 use std::path::Path;
 
 use glam::DVec3;
@@ -8,6 +10,7 @@ use glam::DVec3;
 use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::lens::Lens;
+use crate::projection::Projection;
 
 /// COLMAP's camera models by id: name and number of parameters. All must be known to read past them in binary files.
 const MODELS: [(&str, usize); 18] = [
@@ -31,9 +34,13 @@ const MODELS: [(&str, usize); 18] = [
     ("EQUIRECTANGULAR", 2),
 ];
 
-/// The models that can be undistorted to a pinhole here.
-pub(super) const SUPPORTED: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV or FULL_OPENCV \
-                         (colmap image_undistorter makes PINHOLE of the others)";
+/// The models of which pinhole views are made here.
+pub(super) const SUPPORTED: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, FOV, \
+    SIMPLE_FISHEYE, FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, OPENCV_FISHEYE, THIN_PRISM_FISHEYE or \
+    EQUIRECTANGULAR (colmap image_undistorter makes PINHOLE of the others)";
+
+/// Angles of FOV that are a lens's, radians: below the first its formula has no digits left.
+const FOV: Range<f64> = 1e-6..PI;
 
 /// Name and number of parameters of a model by its number in binary files.
 pub(super) fn model_by_id(id: i32) -> Option<(&'static str, usize)> {
@@ -91,19 +98,35 @@ pub(crate) struct Model {
 }
 
 impl Camera {
-    /// The lens in this crate's terms; an error names a model that is not a pinhole with radial distortion.
+    /// The lens in this crate's terms; an error names a model that is none of [`SUPPORTED`].
     pub fn lens(&self, id: u32, file: &Path) -> Result<Lens, DatasetError> {
-        let (focal, centre, k, p, d) = match (self.model, self.params.as_slice()) {
-            ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f, f], [cx, cy], [0.0; 4], [0.0; 2], [0.0; 3]),
-            ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], [0.0; 4], [0.0; 2], [0.0; 3]),
-            ("SIMPLE_RADIAL", &[f, cx, cy, k]) => ([f, f], [cx, cy], [k, 0.0, 0.0, 0.0], [0.0; 2], [0.0; 3]),
-            ("RADIAL", &[f, cx, cy, k1, k2]) => ([f, f], [cx, cy], [k1, k2, 0.0, 0.0], [0.0; 2], [0.0; 3]),
+        let k = |k: [f64; 4]| Distortion { k, ..Distortion::default() };
+        let none = Distortion::default();
+        let (pinhole, fisheye) = (Projection::Pinhole, Projection::Fisheye);
+        let (projection, focal, centre, distortion) = match (self.model, self.params.as_slice()) {
+            ("SIMPLE_PINHOLE", &[f, cx, cy]) => (pinhole, [f, f], [cx, cy], none),
+            ("PINHOLE", &[fx, fy, cx, cy]) => (pinhole, [fx, fy], [cx, cy], none),
+            ("SIMPLE_RADIAL", &[f, cx, cy, k1]) => (pinhole, [f, f], [cx, cy], k([k1, 0.0, 0.0, 0.0])),
+            ("RADIAL", &[f, cx, cy, k1, k2]) => (pinhole, [f, f], [cx, cy], k([k1, k2, 0.0, 0.0])),
             ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => {
-                ([fx, fy], [cx, cy], [k1, k2, 0.0, 0.0], [p1, p2], [0.0; 3])
+                (pinhole, [fx, fy], [cx, cy], Distortion { p: [p1, p2], ..k([k1, k2, 0.0, 0.0]) })
             }
             ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, k5, k6]) => {
-                ([fx, fy], [cx, cy], [k1, k2, k3, 0.0], [p1, p2], [k4, k5, k6])
+                let distortion = Distortion { d: [k4, k5, k6], p: [p1, p2], ..k([k1, k2, k3, 0.0]) };
+                (pinhole, [fx, fy], [cx, cy], distortion)
             }
+            ("FOV", &[fx, fy, cx, cy, w]) => (Projection::Fov(w), [fx, fy], [cx, cy], none),
+            ("SIMPLE_FISHEYE", &[f, cx, cy]) => (fisheye, [f, f], [cx, cy], none),
+            ("FISHEYE", &[fx, fy, cx, cy]) => (fisheye, [fx, fy], [cx, cy], none),
+            ("SIMPLE_RADIAL_FISHEYE", &[f, cx, cy, k1]) => (fisheye, [f, f], [cx, cy], k([k1, 0.0, 0.0, 0.0])),
+            ("RADIAL_FISHEYE", &[f, cx, cy, k1, k2]) => (fisheye, [f, f], [cx, cy], k([k1, k2, 0.0, 0.0])),
+            ("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4]) => (fisheye, [fx, fy], [cx, cy], k([k1, k2, k3, k4])),
+            ("THIN_PRISM_FISHEYE", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, k4, s1, s2]) => {
+                let distortion = Distortion { p: [p1, p2], s: [s1, s2], ..k([k1, k2, k3, k4]) };
+                (fisheye, [fx, fy], [cx, cy], distortion)
+            }
+            // Its width and height, which are the camera's.
+            ("EQUIRECTANGULAR", &[w, h]) => (Projection::Equirectangular, [w, h], [0.0; 2], none),
             _ => {
                 return Err(DatasetError::Unsupported {
                     path: file.to_path_buf(),
@@ -112,10 +135,10 @@ impl Camera {
                 });
             }
         };
-        let distortion = Distortion { k, d, p };
         let sound = focal.iter().all(|f| f.is_finite() && *f > 0.0)
             && centre.iter().all(|c| c.is_finite())
             && distortion.is_finite()
+            && !matches!(projection, Projection::Fov(w) if !FOV.contains(&w))
             && (1..=1_000_000).contains(&self.width)
             && (1..=1_000_000).contains(&self.height);
         if !sound {
@@ -127,6 +150,7 @@ impl Camera {
             ));
         }
         let [[fx, fy], [cx, cy]] = [focal, centre];
-        Ok(Lens::of([fx, fy, cx, cy], (self.width as f64, self.height as f64), distortion))
+        let lens = Lens::of([fx, fy, cx, cy], (self.width as f64, self.height as f64), distortion);
+        Ok(Lens { projection, ..lens })
     }
 }

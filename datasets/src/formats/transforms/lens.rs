@@ -1,4 +1,8 @@
 //! The lens keys of transforms.json, per frame or shared.
+//!
+//! nerfstudio names lenses by `camera_model`. instant-ngp has a key for each projection: `is_fisheye` is OpenCV's
+//! fisheye, `latlong` what all others call equirectangular, and `equirectangular` a projection of equal areas, which is
+//! refused: whoever writes it may mean either.
 
 use gs_base::sentence::number;
 
@@ -6,6 +10,7 @@ use crate::distortion::Distortion;
 use crate::error::DatasetError;
 use crate::formats::json::Keys;
 use crate::lens::{Focal, Lens};
+use crate::projection::Projection;
 
 /// Largest declared image side, pixels; beyond it a number is not a size.
 const SIDE_MAX: f64 = 1e6;
@@ -13,15 +18,32 @@ const SIDE_MAX: f64 = 1e6;
 /// Most pixels of a declared image: the largest cameras have 1.5e8, and a rendering needs some 25 bytes for each.
 const PIXELS_MAX: f64 = 2e8;
 
-/// Keys of instant-ngp that ask for a projection other than the pinhole.
-const OTHER_PROJECTIONS: [&str; 4] = ["is_fisheye", "latlong", "equirectangular", "ftheta_p0"];
+/// Names of camera models, as COLMAP and nerfstudio have them, and their projections.
+const MODELS: [(&str, Projection); 8] = [
+    ("OPENCV", Projection::Pinhole),
+    ("PINHOLE", Projection::Pinhole),
+    ("SIMPLE_PINHOLE", Projection::Pinhole),
+    ("SIMPLE_RADIAL", Projection::Pinhole),
+    ("RADIAL", Projection::Pinhole),
+    ("PERSPECTIVE", Projection::Pinhole),
+    ("OPENCV_FISHEYE", Projection::Fisheye),
+    ("EQUIRECTANGULAR", Projection::Equirectangular),
+];
+
+/// Keys of instant-ngp that ask for a projection; `None` of those that are not read.
+const KEYS: [(&str, Option<Projection>); 4] = [
+    ("is_fisheye", Some(Projection::Fisheye)),
+    ("latlong", Some(Projection::Equirectangular)),
+    ("equirectangular", None),
+    ("ftheta_p0", None),
+];
 
 /// Reads the lens of one frame. `scopes` are the frame's own keys and then the file's: a focal length given as an angle
 /// in the frame wins over one given in pixels for the whole file.
 pub(super) fn read(keys: &Keys) -> Result<Lens, DatasetError> {
-    refuse_other_projections(keys)?;
+    let projection = projection(keys)?;
     let (focal_x, focal_y) = focal(keys)?;
-    if focal_x.is_none() && focal_y.is_none() {
+    if projection != Projection::Equirectangular && focal_x.is_none() && focal_y.is_none() {
         return Err(keys.wrong("fl_x", "a focal length (fl_x or camera_angle_x)", "neither".to_string()));
     }
     let (width, height) = (size(keys, "w")?, size(keys, "h")?);
@@ -37,7 +59,9 @@ pub(super) fn read(keys: &Keys) -> Result<Lens, DatasetError> {
         cy: keys.number("cy")?,
         width,
         height,
-        distortion: distortion(keys)?,
+        projection,
+        // A panorama is put together by a program, and has none.
+        distortion: if projection == Projection::Equirectangular { Distortion::default() } else { distortion(keys)? },
     })
 }
 
@@ -79,32 +103,34 @@ fn distortion(keys: &Keys) -> Result<Distortion, DatasetError> {
     let value = |key: &str| keys.number(key).map(|value| value.unwrap_or(0.0));
     Ok(Distortion {
         k: [value("k1")?, value("k2")?, value("k3")?, value("k4")?],
-        d: [0.0; 3],
         p: [value("p1")?, value("p2")?],
+        ..Distortion::default()
     })
 }
 
-fn refuse_other_projections(keys: &Keys) -> Result<(), DatasetError> {
+fn projection(keys: &Keys) -> Result<Projection, DatasetError> {
     let refuse = |what: String| DatasetError::Unsupported {
         path: keys.file.to_path_buf(),
         what: format!("{what} ({})", keys.location),
-        expected: "a pinhole camera, with or without the distortion k1, k2, k3, k4, p1, p2 of OPENCV".to_string(),
+        expected:
+            "a camera model OPENCV (k1, k2, k3, k4, p1, p2), OPENCV_FISHEYE (k1, k2, k3, k4), EQUIRECTANGULAR or \
+                   a pinhole"
+                .to_string(),
     };
+    let mut found = Projection::Pinhole;
     if let Some(model) = keys.text("camera_model")? {
-        let known = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE"];
-        if !known.contains(&model.to_ascii_uppercase().as_str()) {
-            return Err(refuse(format!("camera model {model:?}")));
-        }
+        let known = MODELS.iter().find(|(name, _)| model.eq_ignore_ascii_case(name));
+        found = known.ok_or_else(|| refuse(format!("camera model {model:?}")))?.1;
     }
-    for key in OTHER_PROJECTIONS {
+    for (key, projection) in KEYS {
         let asked = match keys.get(key) {
             Some(serde_json::Value::Bool(on)) => *on,
             Some(_) => true,
             None => false,
         };
         if asked {
-            return Err(refuse(format!("the projection of key `{key}`")));
+            found = projection.ok_or_else(|| refuse(format!("the projection of key `{key}`")))?;
         }
     }
-    Ok(())
+    Ok(found)
 }

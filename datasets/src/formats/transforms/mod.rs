@@ -137,11 +137,10 @@ fn camera(index: usize, entry: &Entry, root: &Path, file: &Path) -> Result<Camer
             pixels::size_of(&image)?
         }
     };
-    let resolved = entry.lens.resolve(declared, file, file)?;
     Ok(CameraPose {
         name,
         c2w: entry.c2w,
-        intrinsics: resolved.intrinsics,
+        intrinsics: entry.lens.pinhole(declared, file)?,
         width: declared.0 as usize,
         height: declared.1 as usize,
         time: entry.time,
