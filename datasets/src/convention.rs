@@ -57,7 +57,8 @@ impl CameraAxis {
 pub struct PoseConvention {
     /// Whether a matrix leads from the world to the camera; otherwise from the camera to the world.
     pub world_to_camera: bool,
-    /// The directions of the camera's x, y and z axis; right-handed.
+    /// The directions of the camera's x, y and z axis. Those of a left-handed camera belong to a left-handed world, as
+    /// Unity's do.
     pub axes: [CameraAxis; 3],
 }
 
@@ -82,25 +83,34 @@ impl PoseConvention {
         Self { world_to_camera, axes }
     }
 
-    /// All 48 conventions, the usual ones first.
+    /// All 96 conventions, the usual ones first, those of left-handed cameras last.
     pub fn all() -> Vec<Self> {
         let mut axes: Vec<[CameraAxis; 3]> = vec![OPENGL, OPENCV, LLFF];
-        for x in CameraAxis::ALL {
-            for y in CameraAxis::ALL {
-                let third = CameraAxis::ALL.into_iter().find(|z| is_right_handed([x, y, *z]));
-                axes.extend(third.map(|z| [x, y, z]).filter(|found| !axes.contains(found)));
+        for hand in [1.0, -1.0] {
+            for x in CameraAxis::ALL {
+                for y in CameraAxis::ALL {
+                    let third = CameraAxis::ALL.into_iter().find(|z| hand_of([x, y, *z]) == hand);
+                    axes.extend(third.map(|z| [x, y, z]).filter(|found| !axes.contains(found)));
+                }
             }
         }
         axes.into_iter().flat_map(|axes| [false, true].map(|world_to_camera| Self { world_to_camera, axes })).collect()
     }
 
-    /// Camera to world in OpenCV axes, of a file's matrix.
+    /// Camera to world in OpenCV axes, of a file's matrix. A file whose world has the other hand than ours has the x
+    /// axis of its world negated.
     pub fn to_c2w(self, file: DMat4) -> DMat4 {
         let c2w = if self.world_to_camera { file.inverse() } else { file };
-        c2w * DMat4::from_mat3(self.matrix().transpose())
+        let c2w = c2w * DMat4::from_mat3(self.matrix().transpose());
+        if c2w.determinant() < 0.0 { DMat4::from_scale(mirrored(DVec3::ONE)) * c2w } else { c2w }
     }
 
-    /// The file's matrix of a camera (camera to world, OpenCV axes).
+    /// Whether the world of a file's matrix has the other hand than ours.
+    pub fn mirrors(self, file: DMat4) -> bool {
+        (file.determinant() < 0.0) != (hand_of(self.axes) < 0.0)
+    }
+
+    /// The file's matrix of a camera (camera to world, OpenCV axes), in a world of our hand.
     pub fn to_file(self, c2w: DMat4) -> DMat4 {
         let file = c2w * DMat4::from_mat3(self.matrix());
         if self.world_to_camera { file.inverse() } else { file }
@@ -113,8 +123,14 @@ impl PoseConvention {
     }
 }
 
-fn is_right_handed([x, y, z]: [CameraAxis; 3]) -> bool {
-    x.direction().cross(y.direction()) == z.direction()
+/// 1 of right-handed axes, -1 of left-handed ones, 0 of others.
+fn hand_of([x, y, z]: [CameraAxis; 3]) -> f64 {
+    x.direction().cross(y.direction()).dot(z.direction())
+}
+
+/// A position in the mirrored world.
+pub fn mirrored(position: DVec3) -> DVec3 {
+    position * DVec3::new(-1.0, 1.0, 1.0)
 }
 
 impl fmt::Display for PoseConvention {
@@ -134,7 +150,7 @@ impl FromStr for PoseConvention {
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || {
             format!(
-                "expected c2w or w2c, then opencv, opengl or three axes of a right-handed camera, as in \
+                "expected c2w or w2c, then opencv, opengl or three axes, as in \
                      c2w-opencv and w2c-right-down-forward, found {text:?}"
             )
         };
@@ -150,7 +166,7 @@ impl FromStr for PoseConvention {
             names => {
                 let axis = |name: &str| CameraAxis::ALL.into_iter().find(|axis| axis.name() == name);
                 let found: Option<Vec<CameraAxis>> = names.split('-').map(axis).collect();
-                found.and_then(|found| found.try_into().ok()).filter(|axes| is_right_handed(*axes)).ok_or_else(wrong)?
+                found.and_then(|found| found.try_into().ok()).filter(|axes| hand_of(*axes) != 0.0).ok_or_else(wrong)?
             }
         };
         Ok(Self { world_to_camera, axes })
@@ -168,7 +184,7 @@ mod tests {
             DVec3::new(1.0, -2.0, 3.0),
         );
         let all = PoseConvention::all();
-        assert_eq!(all.len(), 48);
+        assert_eq!(all.len(), 96);
         for (i, convention) in all.iter().enumerate() {
             assert!(all[..i].iter().all(|other| other != convention), "{convention} twice");
             assert_eq!(convention.to_string().parse(), Ok(*convention));
@@ -184,7 +200,7 @@ mod tests {
             "c2w-opengl".parse::<PoseConvention>().map(|convention| convention.to_c2w(file)).expect("a convention");
         assert_eq!(c2w.transform_vector3(DVec3::Z), DVec3::NEG_Z);
         assert_eq!(c2w.transform_vector3(DVec3::Y), DVec3::NEG_Y);
-        for wrong in ["", "opencv", "c2w", "w2c-", "c2w-right-down-back", "c2w-right-left-up", "c2w-right-down"] {
+        for wrong in ["", "opencv", "c2w", "w2c-", "c2w-right-left-back", "c2w-right-left-up", "c2w-right-down"] {
             assert!(wrong.parse::<PoseConvention>().is_err(), "{wrong}");
         }
     }

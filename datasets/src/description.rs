@@ -8,7 +8,7 @@ use gs_base::local::RECENTRE_DISTANCE;
 use gs_base::{clause, mean};
 
 use crate::consistency;
-use crate::convention::PoseConvention;
+use crate::convention::{self, PoseConvention};
 use crate::decode::Decoder;
 use crate::error::DatasetError;
 use crate::findings::Findings;
@@ -16,6 +16,7 @@ use crate::formats::masks;
 use crate::names::{self, some_names};
 use crate::options::LoadOptions;
 use crate::pixels::Behind;
+use crate::pose;
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::{PointCloud, SceneFormat};
 use crate::subject::without_strays;
@@ -41,7 +42,7 @@ impl Description {
         findings: &mut Findings,
     ) -> Result<Self, DatasetError> {
         findings.take(consistency::one_view_a_photo(&raw.frames, path))?;
-        let raw = reread(raw, options);
+        let raw = reread(raw, options, findings)?;
         let mut frames = sort_and_name(raw.frames, findings);
         masks::find(&mut frames, path, options, findings);
         let frames = consistency::settle(frames, path, options, findings);
@@ -94,16 +95,35 @@ pub(crate) fn check_options(path: &Path, options: &LoadOptions) -> Result<(), Da
     Ok(())
 }
 
-/// The scene with its poses and points as the user says that they are meant.
-fn reread(mut raw: RawScene, options: &LoadOptions) -> RawScene {
-    if let Some(meant) = options.poses {
-        let own = PoseConvention::of(raw.format);
+/// The scene with its poses and points as the user says that they are meant, in a world of our hand.
+fn reread(mut raw: RawScene, options: &LoadOptions, findings: &mut Findings) -> Result<RawScene, DatasetError> {
+    let own = PoseConvention::of(raw.format);
+    let meant = options.poses.unwrap_or(own);
+    let mirrors = |frame: &RawFrame| meant.mirrors(own.to_file(frame.c2w));
+    let count = raw.frames.iter().filter(|frame| mirrors(frame)).count();
+    // Of one file, all frames are of one hand.
+    let is_mirrored = 2 * count > raw.frames.len();
+    let (frames, others): (Vec<RawFrame>, Vec<RawFrame>) =
+        raw.frames.into_iter().partition(|frame| mirrors(frame) == is_mirrored);
+    raw.frames = frames;
+    for frame in others {
+        findings.take_posed::<()>(Err(pose::reflection(&frame.file, &frame.image_path.display().to_string())))?;
+    }
+    findings.settle_poses(raw.frames.len())?;
+    if is_mirrored {
+        let file = raw.frames[0].file.display();
+        findings.warn(format!("{file}: the poses are of a mirrored (left-handed) world, whose x axis is negated here"));
+    }
+    if options.poses.is_some() || is_mirrored {
         raw.frames.iter_mut().for_each(|frame| frame.c2w = meant.to_c2w(own.to_file(frame.c2w)));
     }
-    if let Some(points) = &mut raw.points {
-        points.positions.iter_mut().for_each(|position| *position *= options.points_scale);
+    for position in raw.points.iter_mut().flat_map(|points| &mut points.positions) {
+        *position *= options.points_scale;
+        if is_mirrored {
+            *position = convention::mirrored(*position);
+        }
     }
-    raw
+    Ok(raw)
 }
 
 /// Sorts by name as every published split does, drops repeated frames and makes names unique.

@@ -18,7 +18,12 @@ pub(crate) struct Findings {
     /// See [`warn`](Findings::warn).
     warnings: Vec<String>,
     pub errors: Vec<DatasetError>,
+    /// Poses that are none, of frames that are left out if they are few.
+    unsound: Vec<DatasetError>,
 }
+
+/// Largest share of the frames whose poses may be none. More say that the file means something else.
+const UNSOUND: f64 = 0.1;
 
 impl Findings {
     /// Of a reader that goes on after an error.
@@ -26,17 +31,46 @@ impl Findings {
         Self { lenient: true, ..Self::default() }
     }
 
-    /// Refuses a scene without frames; `found` says what is there instead. A lenient reader goes on.
+    /// Refuses a scene without frames, of which `found` says what is there instead, and one of whose poses too many are
+    /// none. A lenient reader goes on.
     pub fn need_frames(
-        &self,
+        &mut self,
         frames: &[RawFrame],
         scene: &Path,
         found: impl FnOnce() -> String,
     ) -> Result<(), DatasetError> {
+        self.settle_poses(frames.len())?;
         if !frames.is_empty() || self.lenient {
             return Ok(());
         }
         Err(DatasetError::NoFrames { path: scene.to_path_buf(), found: found() })
+    }
+
+    /// Says which frames were left out because their poses are none, beside `sound` ones.
+    ///
+    /// # Errors
+    /// The first of these poses, where they are too many.
+    pub fn settle_poses(&mut self, sound: usize) -> Result<(), DatasetError> {
+        let unsound = std::mem::take(&mut self.unsound);
+        let count = unsound.len();
+        if count as f64 > UNSOUND * (count + sound) as f64 {
+            return unsound.into_iter().try_for_each(|error| self.take(Err(error)).map(|_: Option<()>| ()));
+        }
+        if let Some(first) = unsound.first() {
+            self.warn(format!("{} left out: {first}", clause(count, "frame without a sound pose", "was", "were")));
+        }
+        Ok(())
+    }
+
+    /// Passes a frame on. One whose pose is none is left out, of which [`settle_poses`](Self::settle_poses) speaks.
+    pub fn take_posed<T>(&mut self, result: Result<T, DatasetError>) -> Result<Option<T>, DatasetError> {
+        match result {
+            Err(error @ DatasetError::Pose { .. }) => {
+                self.unsound.push(error);
+                Ok(None)
+            }
+            other => self.take(other),
+        }
     }
 
     /// Notes something that was repaired or left out. Names in the sentence are made [`printable`].

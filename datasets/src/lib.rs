@@ -79,7 +79,7 @@ mod undistort;
 pub use blur_from_frames::{BlurFromFrames, BlurSummary, blur_from_frames};
 pub use check::{CheckReport, Common, check, said_once, write_findings};
 pub use consistency::frame_interval;
-pub use convention::{CameraAxis, PoseConvention};
+pub use convention::{CameraAxis, PoseConvention, mirrored};
 pub use distortion::Distortion;
 pub use error::DatasetError;
 pub use frame::{CameraPose, DepthPrior, DepthSpace, Priors, RgbImage8, Truth, View};

@@ -28,8 +28,24 @@ pub(crate) struct Rigid {
     pub scale: Option<f64>,
 }
 
-/// Checks a camera-to-world matrix (rows as in the file) and makes its rotation exactly orthonormal.
+/// A pose that is a reflection, of the camera that `frame` names.
+pub(crate) fn reflection(file: &Path, frame: &str) -> DatasetError {
+    DatasetError::Pose {
+        path: file.to_path_buf(),
+        frame: frame.to_string(),
+        expected: "a rotation (determinant +1)".to_string(),
+        found: "a reflection (determinant -1); is an axis negated or are two swapped?".to_string(),
+    }
+}
+
+/// [`orthonormal`] of a pose that is no reflection.
 pub(crate) fn rigid(rows: &[[f64; 4]; 4], file: &Path, frame: &str) -> Result<Rigid, DatasetError> {
+    let rigid = orthonormal(rows, file, frame)?;
+    if rigid.c2w.determinant() < 0.0 { Err(reflection(file, frame)) } else { Ok(rigid) }
+}
+
+/// Checks a matrix of a pose (rows as in the file) and makes its rotation, or reflection, exactly orthonormal.
+pub(crate) fn orthonormal(rows: &[[f64; 4]; 4], file: &Path, frame: &str) -> Result<Rigid, DatasetError> {
     let wrong = |expected: &str, found: String| DatasetError::Pose {
         path: file.to_path_buf(),
         frame: frame.to_string(),
@@ -55,13 +71,7 @@ pub(crate) fn rigid(rows: &[[f64; 4]; 4], file: &Path, frame: &str) -> Result<Ri
     if !determinant.is_finite() || determinant.abs() < 1e-12 {
         return Err(wrong("a rotation", format!("a singular matrix (determinant {determinant:e})")));
     }
-    if determinant < 0.0 {
-        return Err(wrong(
-            "a rotation (determinant +1)",
-            format!("a reflection (determinant {}); is an axis negated or are two swapped?", decimals(determinant, 4)),
-        ));
-    }
-    let scale = determinant.cbrt();
+    let scale = determinant.abs().cbrt();
     if (scale - 1.0).abs() > SCALE_TOLERANCE {
         return Err(wrong("a rotation without scale", format!("a scale of {} in the rotation", decimals(scale, 4))));
     }

@@ -39,8 +39,9 @@ impl PoseJudgement {
         format!("Poses against photos, read as {read}: {described}{of}{untold}.")
     }
 
-    /// The fault of poses or points, if there is one, and the way out.
-    pub fn warning(&self) -> Option<String> {
+    /// The fault of poses or points, if there is one, and the way out; `is_open`: nobody says how poses are meant, so
+    /// that a training reads them in the convention that photos speak for.
+    pub fn warning(&self, is_open: bool) -> Option<String> {
         let given = self.given.described().unwrap_or_default();
         let read = self.read;
         let points = self.points.map(|fault| fault.sentence(&given));
@@ -48,8 +49,9 @@ impl PoseJudgement {
             PoseVerdict::Agrees | PoseVerdict::Untold => return points,
             PoseVerdict::Convention(other, found) => format!(
                 "the poses seem to be of another convention: read as {read}, {given}; read as {other}, {}; \
-                 data.poses={other} reads them so",
-                found.described().unwrap_or_default()
+                 {}data.poses={other} reads them so",
+                found.described().unwrap_or_default(),
+                if is_open { "a training does that, and " } else { "" }
             ),
             PoseVerdict::Disagrees => format!(
                 "photos agree with each other and not with their poses ({given}), and no usual convention explains \

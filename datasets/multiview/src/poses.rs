@@ -5,7 +5,7 @@
 
 use glam::{DMat4, DVec3};
 
-use gs_datasets::{PointCloud, PoseConvention, View, nearest_to_axes};
+use gs_datasets::{PointCloud, PoseConvention, View, mirrored, nearest_to_axes};
 
 use crate::pose_evidence::{Matches, Outlines, PointEvidence, Points};
 
@@ -213,6 +213,8 @@ impl Data<'_> {
 
     fn evidence(&self, convention: PoseConvention, scale: f64) -> Evidence {
         let poses = self.poses(convention);
+        let is_mirrored = convention.mirrors(self.read.to_file(DMat4::IDENTITY));
+        let scale = if is_mirrored { mirrored(DVec3::splat(scale)) } else { DVec3::splat(scale) };
         Evidence {
             matches: self.matches.as_ref().map(|matches| matches.explained(&poses)),
             points: self.points.as_ref().map(|points| points.evidence(self.views, &poses, scale)),

@@ -75,7 +75,7 @@ pub(crate) fn camera(file: &Path) -> Result<WrittenCamera, DatasetError> {
     };
     let row = |row: usize| std::array::from_fn(|column| numbers[4 * row + column]);
     let rows = [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]];
-    let c2w = pose::rigid(&rows, file, &stem(file))?.c2w;
+    let c2w = pose::orthonormal(&rows, file, &stem(file))?.c2w;
     Ok(WrittenCamera { c2w, intrinsics: [fx, fy, cx, cy] })
 }
 
@@ -93,7 +93,7 @@ pub(crate) fn read(
             continue;
         };
         let frame = frame(file, &root, image_path);
-        frames.extend(findings.take(frame)?);
+        frames.extend(findings.take_posed(frame)?);
     }
     if !missing.is_empty() {
         let (count, names) = (counted(missing.len(), "camera"), names::some_names(&missing));

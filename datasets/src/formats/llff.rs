@@ -93,7 +93,7 @@ pub(crate) fn read(poses: &PoseFile, options: &LoadOptions, findings: &mut Findi
     let mut frames = Vec::new();
     for (index, row) in rows.iter().enumerate() {
         let camera = camera(row, &poses.path, index);
-        let Some((c2w, lens)) = findings.take(camera)? else { continue };
+        let Some((c2w, lens)) = findings.take_posed(camera)? else { continue };
         for photo in photos.iter().filter(|photo| photo.row == index) {
             let depth = DepthMeaning { kind: options.depth_kind, ..DepthMeaning::default() };
             let name = names::text_below(&poses.folder, &photo.path)
@@ -235,7 +235,7 @@ fn camera(row: &[f64], file: &Path, index: usize) -> Result<(DMat4, Lens), Datas
     for (line, out) in matrix.iter_mut().take(3).enumerate() {
         *out = [at(line, 1), at(line, 0), -at(line, 2), at(line, 3)];
     }
-    let c2w = pose::rigid(&matrix, file, &label)?.c2w;
+    let c2w = pose::orthonormal(&matrix, file, &label)?.c2w;
     // The principal point is the middle of the photo, whatever its own size is.
     let lens = Lens::of([focal, focal, 0.0, 0.0], (width, height), Distortion::default());
     Ok((c2w, Lens { cx: None, cy: None, ..lens }))

@@ -83,7 +83,7 @@ pub(crate) fn read(
             for shot in cameras {
                 let written = format!("{IMAGE_FOLDER}/{}", names::with_slashes(shot.image));
                 let c2w = shot.c2w(file);
-                let Some(c2w) = findings.take(c2w)? else { continue };
+                let Some(c2w) = findings.take_posed(c2w)? else { continue };
                 let name = names::output_name(&files.folder, &written, file);
                 let Some(name) = findings.take(name)? else { continue };
                 let Some(image_path) = names::find_image(&files.folder, &written) else {
@@ -149,7 +149,7 @@ struct Shot<'a> {
 
 impl Shot<'_> {
     fn c2w(&self, file: &Path) -> Result<glam::DMat4, DatasetError> {
-        pose::rigid(&self.w2c, file, self.image).map(|rigid| rigid.c2w.inverse())
+        pose::orthonormal(&self.w2c, file, self.image).map(|rigid| rigid.c2w.inverse())
     }
 }
 

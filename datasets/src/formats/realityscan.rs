@@ -92,7 +92,7 @@ pub(crate) fn read(
         let Some(name) = findings.take(name)? else { continue };
         let Some(image_path) = photos.find(written) else { continue };
         let frame = row.frame(name, image_path);
-        frames.extend(findings.take(frame)?);
+        frames.extend(findings.take_posed(frame)?);
     }
     let hint = photos.hint();
     photos.warn(file, &hint, findings);

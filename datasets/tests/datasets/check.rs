@@ -33,8 +33,8 @@ fn all_errors_are_listed() {
     folder.write_json("transforms.json", &top);
     let report = check(folder.path(), &LoadOptions::default());
     assert_eq!(report.errors.len(), 3, "{report}");
-    for (error, part) in report.errors.iter().zip(["images/01.png", "images/02.png", "images/03.png"]) {
-        assert!(error.contains(part), "{error}");
+    for part in ["images/01.png", "images/02.png", "images/03.png"] {
+        assert!(report.errors.iter().any(|error| error.contains(part)), "{report}");
     }
     assert!(report.to_string().ends_with("Cannot be loaded: 3 errors."));
 }

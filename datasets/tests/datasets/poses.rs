@@ -92,3 +92,55 @@ fn an_entry_that_is_no_number_is_named() {
     let error = load_with_pose(json!([[1, 0, 0], [0, 1, 0], [0, 0, 1]])).expect_err("three columns");
     assert!(error.contains("found rows of 3, 3, 3"), "{error}");
 }
+
+#[test]
+fn one_pose_of_many_that_is_none_is_left_out() {
+    let (folder, mut top) = ring_scene(12);
+    top["frames"][3]["transform_matrix"][0][0] = json!(9.0);
+    let scene = folder.scene(&top, &all());
+    assert_eq!(scene.train.len(), 11);
+    assert!(scene.warnings[0].contains("1 frame without a sound pose was left out"), "{:?}", scene.warnings);
+    assert!(scene.warnings[0].contains("images/03.png"), "{:?}", scene.warnings);
+    // Two of twelve say that the file means something else.
+    top["frames"][4]["transform_matrix"][0][0] = json!(9.0);
+    folder.write_json("transforms.json", &top);
+    folder.refused(&all(), &["images/03.png"]);
+}
+
+/// A file whose world is left-handed, with cameras of either hand: Unity's have x right, y up and z forward.
+#[test]
+fn a_mirrored_world_is_mirrored_back() {
+    let (folder, mut top) = ring_scene(3);
+    top["ply_file_path"] = json!("points.ply");
+    folder.write("points.ply", cloud("double", &[[1.0, 2.0, 3.0]]));
+    let sound = folder.scene(&top, &all());
+    for (poses, flip_camera) in [(None, false), (Some("c2w-right-up-forward"), true)] {
+        let mut mirrored = top.clone();
+        for frame in mirrored["frames"].as_array_mut().expect("a list") {
+            let entry = |value: &mut Value| *value = json!(-value.as_f64().expect("a number"));
+            let matrix = &mut frame["transform_matrix"];
+            (0..4).for_each(|column| entry(&mut matrix[0][column]));
+            if flip_camera {
+                (0..3).for_each(|row| entry(&mut matrix[row][2]));
+            }
+        }
+        folder.write("points.ply", cloud("double", &[[-1.0, 2.0, 3.0]]));
+        let options = LoadOptions { poses: poses.map(|text| text.parse().expect("a convention")), ..all() };
+        let scene = folder.scene(&mirrored, &options);
+        assert!(
+            scene.warnings.iter().any(|text| text.contains("mirrored (left-handed) world")),
+            "{:?}",
+            scene.warnings
+        );
+        assert_eq!(scene.points, sound.points);
+        for (view, sound) in scene.train.iter().zip(&sound.train) {
+            assert!(view.c2w.abs_diff_eq(sound.c2w, 1e-12), "{}", view.name);
+        }
+        if !flip_camera {
+            // One frame of the other hand is none of this file.
+            mirrored["frames"][1] = top["frames"][1].clone();
+            folder.write_json("transforms.json", &mirrored);
+            folder.refused(&options, &["images/01.png", "reflection"]);
+        }
+    }
+}

@@ -9,9 +9,10 @@ use burn::tensor::Device;
 use glam::{DMat4, DVec3};
 use gs_base::counted;
 use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
-use gs_datasets::{CheckReport, LoadOptions, Scene};
+use gs_datasets::{CheckReport, DatasetError, LoadOptions, Scene};
 use gs_driving::{LogFormat, logs_in};
 use gs_models::{DynamicScene, Shutter};
+use gs_multiview::PoseVerdict;
 use toml::Table;
 
 use super::from_scene::from_scene;
@@ -133,12 +134,7 @@ fn fit<M: SceneMethod>(job: &Job, mut config: FitConfig<M::Config>) -> Result<En
 fn read<M: SceneMethod>(job: &Job, config: &mut FitConfig<M::Config>) -> Result<(Data<M>, Spent)> {
     let watch = Stopwatch::start();
     progress::say(&format!("reading {} ...", job.dataset.display()), job.quiet);
-    let mut scene = load::<M>(&job.dataset, config)?;
-    if let Some(fault) = judge_scene(&scene, &options::<M>(config)).warning() {
-        tracing::warn!("{fault}");
-        scene.warnings.push(fault);
-    }
-    let data = Data::<M>::new(scene, config);
+    let data = Data::<M>::new(load::<M>(&job.dataset, config)?, config);
     let spent = watch.spent();
     let Some(minutes) = job.minutes else { return Ok((data, spent)) };
     let begin = from_scene(&data, config, &job.device)?;
@@ -189,7 +185,7 @@ fn finish<M: SceneMethod>(
 /// # Errors
 /// A sentence naming the file, what was expected and what was found; or the reason why the method cannot learn from it.
 pub fn load<M: SceneMethod>(path: &Path, config: &FitConfig<M::Config>) -> Result<Scene> {
-    let loaded = gs_datasets::load(path, &options::<M>(config));
+    let loaded = load_posed(path, options::<M>(config));
     let mut scene = loaded.map_err(|error| driving(path, M::NAME).map_or_else(|| error.into(), Error::msg))?;
     let warnings = scene.warnings.len();
     scene.warnings.extend(leave_out_few_points(&mut scene.points));
@@ -201,6 +197,23 @@ pub fn load<M: SceneMethod>(path: &Path, config: &FitConfig<M::Config>) -> Resul
     M::suits(path, scene.train.len(), timed).map_err(Error::msg)?;
     prepared.map_err(Error::msg)?;
     check_pixels(path, &scene).map_err(Error::msg)?;
+    Ok(scene)
+}
+
+/// Reads a data set; its poses as the photos say that they are meant, where nobody says it and they speak against the
+/// format's own.
+fn load_posed(path: &Path, options: LoadOptions) -> Result<Scene, DatasetError> {
+    let mut scene = gs_datasets::load(path, &options)?;
+    let (judgement, is_open) = (judge_scene(&scene, &options), options.poses.is_none());
+    if let PoseVerdict::Convention(other, _) = judgement.verdict
+        && is_open
+    {
+        scene = gs_datasets::load(path, &LoadOptions { poses: Some(other), ..options })?;
+    }
+    if let Some(fault) = judgement.warning(is_open) {
+        tracing::warn!("{fault}");
+        scene.warnings.push(fault);
+    }
     Ok(scene)
 }
 
@@ -337,7 +350,7 @@ impl<M: SceneMethod> Pipeline for Fit<M> {
             && let Ok(judgement) = judge_dataset(dataset, &options::<M>(&config))
         {
             report.facts.push(judgement.fact());
-            report.warnings.extend(judgement.warning());
+            report.warnings.extend(judgement.warning(config.data.options().poses.is_none()));
         }
         Ok(report)
     }

@@ -24,8 +24,8 @@ pub mod tables;
 use std::fmt::Debug;
 use std::ops::Deref;
 
-use serde::de::DeserializeOwned;
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use crate::section;

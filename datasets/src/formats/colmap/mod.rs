@@ -137,7 +137,7 @@ pub(crate) fn scene(
         let Some(name) = findings.take(name)? else { continue };
         let Some(image_path) = photos.find(&image.name) else { continue };
         let c2w = pose::from_world_to_camera(image.q, image.t, &images_file, &image.name);
-        let (Some(lens), Some(c2w)) = (lenses.lens(image), findings.take(c2w)?) else { continue };
+        let (Some(lens), Some(c2w)) = (lenses.lens(image), findings.take_posed(c2w)?) else { continue };
         let mask = photos::mask(mask_folder.as_deref(), &image.name, options.masks);
         let mut sides = SideFiles::default();
         if options.masks == MaskUse::Moving && options.priors.masks && mask_folder.is_some() {

@@ -38,7 +38,7 @@ pub(super) fn read(top: &Map<String, Value>, file: &Path, findings: &mut Finding
     let mut entries = Vec::new();
     for (frame, camera) in listed(top, file)? {
         let entry = read_entry(frame, camera, top, file, &mut scaled);
-        entries.extend(findings.take(entry)?);
+        entries.extend(findings.take_posed(entry)?);
     }
     if let Some((name, scale)) = scaled.first() {
         findings.warn(format!(
@@ -99,7 +99,7 @@ fn read_entry(
     own.location = format!("frame {label:?}");
 
     let rows = matrix(&own, "transform_matrix")?;
-    let rigid = pose::rigid(&rows, file, &label)?;
+    let rigid = pose::orthonormal(&rows, file, &label)?;
     scaled.extend(rigid.scale.map(|scale| (label, scale)));
 
     objects.push(top);

@@ -111,6 +111,7 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError>
     let root = folder_of(&file);
     let mut findings = Findings::default();
     let entries = frames::read(&top, &file, &mut findings)?;
+    findings.settle_poses(0)?;
     if entries.is_empty() {
         return Err(DatasetError::NoFrames { path: file, found: "an empty list of frames".to_string() });
     }
