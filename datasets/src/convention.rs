@@ -76,9 +76,11 @@ impl PoseConvention {
     pub fn of(format: SceneFormat) -> Self {
         let (world_to_camera, axes) = match format {
             SceneFormat::Transforms | SceneFormat::RealityScan => (false, OPENGL),
-            SceneFormat::ColmapText | SceneFormat::ColmapBinary | SceneFormat::Panoptic => (true, OPENCV),
+            SceneFormat::ColmapText | SceneFormat::ColmapBinary | SceneFormat::Filmed | SceneFormat::Panoptic => {
+                (true, OPENCV)
+            }
             SceneFormat::Llff => (false, LLFF),
-            SceneFormat::CameraTexts => (false, OPENCV),
+            SceneFormat::CameraTexts | SceneFormat::Nerfies => (false, OPENCV),
         };
         Self { world_to_camera, axes }
     }

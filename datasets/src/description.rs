@@ -44,6 +44,9 @@ impl Description {
         findings.take(consistency::one_view_a_photo(&raw.frames, path))?;
         let raw = reread(raw, options, findings)?;
         let mut frames = sort_and_name(raw.frames, findings);
+        if let Some(fps) = options.fps {
+            timed_by_names(&mut frames, fps, path, findings);
+        }
         masks::find(&mut frames, path, options, findings);
         let frames = consistency::settle(frames, path, options, findings);
         // In a set with exposures, alpha is a share of light, in its sharp photos too.
@@ -76,6 +79,11 @@ pub(crate) fn check_options(path: &Path, options: &LoadOptions) -> Result<(), Da
         && !(exposure > 0.0 && exposure.is_finite())
     {
         return wrong("exposure", "a duration above 0, in the unit of time", exposure.to_string());
+    }
+    if let Some(fps) = options.fps
+        && !(fps > 0.0 && fps.is_finite())
+    {
+        return wrong("fps", "frames a second above 0", fps.to_string());
     }
     if !(options.points_scale > 0.0 && options.points_scale.is_finite()) {
         return wrong("points_scale", "a factor above 0", options.points_scale.to_string());
@@ -124,6 +132,21 @@ fn reread(mut raw: RawScene, options: &LoadOptions, findings: &mut Findings) -> 
         }
     }
     Ok(raw)
+}
+
+/// Gives frames the times of a video by the last number in each name. A name without one has no time.
+fn timed_by_names(frames: &mut [RawFrame], fps: f64, path: &Path, findings: &mut Findings) {
+    if frames.iter().any(|frame| frame.time.is_some()) {
+        findings.warn(format!("{}: its photos have times, so that data.fps is not used", path.display()));
+        return;
+    }
+    let number = |frame: &RawFrame| -> Option<f64> {
+        let name = frame.name.rsplit('/').next()?.trim_end_matches(|c: char| !c.is_ascii_digit());
+        let digits = name.rsplit(|c: char| !c.is_ascii_digit()).next()?;
+        digits.parse().ok()
+    };
+    let first = frames.iter().filter_map(number).fold(f64::INFINITY, f64::min);
+    frames.iter_mut().for_each(|frame| frame.time = number(frame).map(|number| (number - first) / fps));
 }
 
 /// Sorts by name as every published split does, drops repeated frames and makes names unique.

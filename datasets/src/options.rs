@@ -147,6 +147,9 @@ pub struct LoadOptions {
     /// How long the shutter was open in every view, in the unit of time, whatever the data set says; above 0. `None`
     /// (the default) goes by the data set.
     pub exposure: Option<f64>,
+    /// Frames a second of a set whose photos have no times, above 0: the times are the numbers in their names, from the
+    /// least, over it, seconds. `None` (the default): such photos have no times.
+    pub fps: Option<f64>,
     /// The convention of the poses, whatever the format's is; `None` (the default) goes by the format.
     pub poses: Option<PoseConvention>,
     /// Factor on the coordinates of the points to start from, for points in another unit than the poses. Default 1.
@@ -182,6 +185,7 @@ impl Default for LoadOptions {
             training_truth: false,
             depth_kind: None,
             exposure: None,
+            fps: None,
             poses: None,
             points_scale: 1.0,
             levels: None,

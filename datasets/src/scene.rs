@@ -26,6 +26,10 @@ pub enum SceneFormat {
     RealityScan,
     /// A text for each photo with its camera, as OmniVGGT takes it.
     CameraTexts,
+    /// A COLMAP model of static cameras beside the frames that they filmed (multipleview of 4DGaussians).
+    Filmed,
+    /// A JSON file for each camera, as Nerfies and HyperNeRF write them.
+    Nerfies,
 }
 
 impl fmt::Display for SceneFormat {
@@ -38,6 +42,8 @@ impl fmt::Display for SceneFormat {
             Self::Llff => "LLFF (poses_bounds.npy)",
             Self::RealityScan => "RealityScan (CSV)",
             Self::CameraTexts => "cameras/NAME.txt",
+            Self::Filmed => "multipleview (sparse_)",
+            Self::Nerfies => "Nerfies (camera/NAME.json)",
         })
     }
 }

@@ -134,6 +134,8 @@ fn place(layout: &Layout) -> String {
         Layout::Llff(poses) => format!("The poses are in {}.", poses.path.display()),
         Layout::RealityScan(table) => format!("The cameras are in {}.", table.file.display()),
         Layout::CameraTexts(texts) => format!("The cameras are texts in {}.", texts.folder.join("cameras").display()),
+        Layout::Filmed(filmed) => format!("The model of the cameras is in {}.", filmed.files.folder.display()),
+        Layout::Nerfies(captured) => format!("The cameras are in {}.", captured.folder.join("camera").display()),
     }
 }
 

@@ -153,20 +153,15 @@ fn camera_frames(
         let expected = format!("one camera folder for each of {}", counted(rows, "pose"));
         return Err(DatasetError::malformed(&poses.path, "rows", expected, found));
     }
-    let mut stems: Vec<String> = found.iter().flatten().map(|path| stem(path)).collect();
-    stems.sort_by(|a, b| natural(a, b));
-    stems.dedup();
-    let last = stems.len().saturating_sub(1).max(1) as f64;
+    let times = TimeLine::of(found.iter().flatten());
     let mut photos = Vec::new();
     for (row, paths) in found.into_iter().enumerate() {
         for path in paths {
-            let name = stem(&path);
-            let index = stems.binary_search_by(|other| natural(other, &name)).unwrap_or(0);
             let split = if row == 0 { SplitName::Test } else { SplitName::Train };
             photos.push(FrameFile {
+                time: times.time(&path),
                 path,
                 row,
-                time: (stems.len() > 1).then_some(index as f64 / last),
                 camera: Some(printable(&file_name(&cameras[row])).into_owned()),
                 split: (rows > 1).then_some(split),
             });
@@ -186,7 +181,28 @@ fn foreign_photos(poses: &PoseFile) -> Option<&'static str> {
     folders.any(|folder| entries(&folder).iter().any(is_foreign)).then_some(CONVERT)
 }
 
-fn frames_of(folder: &Path) -> Vec<PathBuf> {
+/// The names of frames over time, in order.
+pub(super) struct TimeLine(Vec<String>);
+
+impl TimeLine {
+    /// The names of all `frames`.
+    pub fn of<'a>(frames: impl Iterator<Item = &'a PathBuf>) -> Self {
+        let mut stems: Vec<String> = frames.map(|path| stem(path)).collect();
+        stems.sort_by(|a, b| natural(a, b));
+        stems.dedup();
+        Self(stems)
+    }
+
+    /// The time of a frame: the index of its name over the last index, 0 to 1; none where all have one name.
+    pub fn time(&self, path: &Path) -> Option<f64> {
+        let Self(stems) = self;
+        let index = stems.binary_search_by(|other| natural(other, &stem(path))).unwrap_or(0);
+        (stems.len() > 1).then(|| index as f64 / (stems.len() - 1) as f64)
+    }
+}
+
+/// The photos of a camera, in its folder or in `images` below it.
+pub(super) fn frames_of(folder: &Path) -> Vec<PathBuf> {
     let images = |folder: &Path| -> Vec<PathBuf> {
         entries(folder).into_iter().filter(|path| is_photo(path) && guarded::is_there(path)).collect()
     };

@@ -6,6 +6,7 @@ pub(crate) mod json;
 pub(crate) mod llff;
 mod lookup;
 pub(crate) mod masks;
+pub(crate) mod nerfies;
 pub(crate) mod panoptic;
 mod poseless;
 pub(crate) mod realityscan;
@@ -29,6 +30,8 @@ pub(crate) enum Layout {
     Llff(llff::PoseFile),
     RealityScan(realityscan::CameraTable),
     CameraTexts(camera_texts::CameraTexts),
+    Filmed(colmap::filmed::Filmed),
+    Nerfies(nerfies::Captured),
 }
 
 /// Recognises the layout. JSON wins over a COLMAP model beside it: converters that write both (nerfstudio) put the
@@ -50,6 +53,12 @@ pub(crate) fn detect(path: &Path) -> Result<Layout, DatasetError> {
     if let Some(poses) = poses.as_ref().filter(|poses| poses.has_cameras()) {
         return Ok(Layout::Llff(poses.clone()));
     }
+    if let Some(filmed) = colmap::filmed::find(path) {
+        return Ok(Layout::Filmed(filmed));
+    }
+    if let Some(captured) = nerfies::find(path) {
+        return Ok(Layout::Nerfies(captured));
+    }
     if let Some(files) = colmap::find(path) {
         return Ok(Layout::Colmap(files));
     }
@@ -63,7 +72,7 @@ pub(crate) fn detect(path: &Path) -> Result<Layout, DatasetError> {
         return Ok(Layout::CameraTexts(texts));
     }
     let layouts = "transforms.json, transforms_train.json, a .json file, train_meta.json, poses_bounds.npy, a .csv of \
-        RealityScan, cameras/NAME.txt beside images, or a COLMAP \
+        RealityScan, cameras/NAME.txt beside images, dataset.json beside camera, or a COLMAP \
                    model (cameras, images and points3D as .bin or .txt) in sparse/0, sparse, colmap/sparse/0, \
                    sparse_bin/0, dense/sparse or distorted/sparse/0";
     let (expected, found) = match poseless::found(path, metadata.is_dir()) {
@@ -88,6 +97,8 @@ impl Layout {
             Self::Llff(poses) => llff::read(poses, options, findings),
             Self::RealityScan(table) => realityscan::read(table, options, findings),
             Self::CameraTexts(texts) => camera_texts::read(texts, options, findings),
+            Self::Filmed(filmed) => colmap::filmed::read(filmed, findings),
+            Self::Nerfies(captured) => nerfies::read(captured, options, findings),
         }
     }
 }

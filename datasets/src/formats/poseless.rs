@@ -7,15 +7,6 @@ use gs_base::counted;
 use crate::folder::entries;
 use crate::foreign::{CONVERT, EXTRACT, Foreign, POSES, is_photo};
 
-/// The file of poses that makes a folder one of 4DGaussians' multipleview data sets.
-const MULTIPLEVIEW: &str = "poses_bounds_multipleview.npy";
-
-/// The sentence about such a folder. Its COLMAP model lies in `sparse_`, which has an image for each camera: image1.jpg
-/// for cam01.
-const MULTIPLEVIEW_FOUND: &str = "the multipleview layout of 4DGaussians (poses_bounds_multipleview.npy, sparse_, \
-                                  cam01/frame_00001.jpg), which is not read; a transforms.json with `file_path`, \
-                                  `transform_matrix`, `time` and `camera_id` of each frame describes the same";
-
 /// The sentence on a folder of photos or videos: its content and the next step.
 pub(super) fn found(path: &Path, is_folder: bool) -> Option<String> {
     if !is_folder {
@@ -24,9 +15,6 @@ pub(super) fn found(path: &Path, is_folder: bool) -> Option<String> {
             None if !is_photo(path) => None,
             _ => Some("a single photo; give the folder that holds the photos and their poses".to_string()),
         };
-    }
-    if path.join(MULTIPLEVIEW).exists() {
-        return Some(MULTIPLEVIEW_FOUND.to_string());
     }
     let entries = entries(path);
     let below = || entries.iter().filter(|entry| entry.is_dir()).map(|folder| self::entries(folder));

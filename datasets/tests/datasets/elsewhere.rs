@@ -4,7 +4,7 @@ use gs_datasets::{LoadOptions, MaskUse, check};
 use serde_json::json;
 
 use crate::colmap::example;
-use crate::fixtures::{Folder, all, names, ring_scene};
+use crate::fixtures::{Folder, all, names, ring_scene, warned};
 
 #[test]
 fn paths_of_another_machine_are_found_by_their_ends() {
@@ -78,13 +78,16 @@ fn photos_in_another_container_beside_the_names_are_named() {
 }
 
 #[test]
-fn a_folder_of_smaller_photos_is_named_with_its_key() {
+fn a_folder_of_smaller_photos_is_read_or_named_with_its_key() {
     let folder = Folder::new();
     example(&folder).write_binary(&folder, "sparse/0");
     std::fs::rename(folder.file("images"), folder.file("images_4")).expect("moved");
-    folder.refused_by_both(&all(), &["images of these names are in images_4: --set data.images=images_4"]);
+    assert_eq!(folder.load(&all()).train.len(), 4, "it has all, and images none");
     let options = LoadOptions { images: Some("images_4".into()), ..all() };
     assert_eq!(folder.load(&options).train.len(), 4);
+    folder.photo("images/b.png", 40, 30);
+    let scene = folder.load(&all());
+    warned(&scene.warnings, &["images of these names are in images_4: --set data.images=images_4"]);
     let (folder, top) = ring_scene(2);
     folder.write_json("transforms.json", &top);
     std::fs::rename(folder.file("images"), folder.file("images_4")).expect("moved");
@@ -111,14 +114,6 @@ fn names_in_another_unicode_form_are_found() {
     // Another accent at the same place could be meant too.
     folder.photo("images/m\u{ea}nage.png", 40, 30);
     assert_eq!(folder.load(&all()).train.len(), 3);
-}
-
-#[test]
-fn the_layout_of_another_method_is_named() {
-    let folder = Folder::new();
-    folder.photo("cam01/frame_00001.png", 8, 6);
-    folder.write("poses_bounds_multipleview.npy", "");
-    folder.refused_by_both(&all(), &["multipleview layout of 4DGaussians", "transforms.json"]);
 }
 
 #[test]

@@ -31,4 +31,5 @@ mod split;
 mod submodels;
 mod transforms;
 mod undistort;
+mod videos;
 mod wide;

@@ -141,6 +141,8 @@ section! {
         seen: f64 = 1.0, in Only("above 0 and at most 1", |share| *share > 0.0 && *share <= 1.0);
         /// Image folder of a COLMAP, LLFF or RealityScan set if it is not a usual one; empty: found automatically.
         images: String = String::new();
+        /// Frames a second of a video whose photos have no times: these are the numbers in their names over it; 0: none.
+        fps: f64 = 0.0, in NOT_NEGATIVE;
         /// Convention of the poses: "auto" is the format's own; else `c2w-` or `w2c-`, then `opencv`, `opengl` or three
         /// axes, as in `c2w-right-down-forward`.
         poses: String = AUTO.into(),
@@ -205,6 +207,7 @@ impl DataConfig {
                 DepthChoice::Depth => Some(DepthKind::Depth),
                 DepthChoice::InverseDepth => Some(DepthKind::InverseDepth),
             },
+            fps: (self.fps > 0.0).then_some(self.fps),
             poses: self.poses.parse().ok(),
             points_scale: self.points_scale,
             row_order: match self.row_order {

@@ -2,6 +2,7 @@
 //! their full pose.
 
 mod binary;
+pub(crate) mod filmed;
 mod find;
 mod lenses;
 pub(crate) mod model;
@@ -163,9 +164,13 @@ pub(crate) fn scene(
         total => format!("none of the {} in {}{hint}", counted(total, "image"), root.display()),
     })?;
     sources::search_depth(&mut frames, &files.scene, options, findings);
-    let points = (!model.points.is_empty()).then(|| RawPoints {
+    Ok(RawScene { format: files.format, frames, points: points_of(&model) })
+}
+
+/// The points of a model; `None` where it has none.
+fn points_of(model: &Model) -> Option<RawPoints> {
+    (!model.points.is_empty()).then(|| RawPoints {
         positions: model.points.iter().map(|(_, point)| point.position).collect(),
         colors: model.points.iter().map(|(_, point)| point.color).collect(),
-    });
-    Ok(RawScene { format: files.format, frames, points })
+    })
 }

@@ -46,6 +46,9 @@ pub(super) fn folder(files: &ModelFiles, model: &Model, options: &LoadOptions) -
     let inputs = bases.iter().filter(|_| is_distorted).map(|base| base.join("input"));
     let images = bases.iter().flat_map(|base| [base.join("images"), base.to_path_buf()]);
     let best = fullest(inputs.chain(images), model);
+    // Some captures come with reduced photos alone, as images_4.
+    let reduced = entries(&files.scene).into_iter().filter(|folder| file_name(folder).starts_with("images_"));
+    let best = best.or_else(|| fullest(reduced, model));
     Ok(best.map_or_else(|| files.scene.join("images"), |(folder, _)| folder))
 }
 
