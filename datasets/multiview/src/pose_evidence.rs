@@ -211,7 +211,8 @@ impl Points {
         }
     }
 
-    /// The points, multiplied by `scale` along each axis, as poses (camera to world, OpenCV axes, in the file's world) show them.
+    /// The points, multiplied by `scale` along each axis, as poses (camera to world, OpenCV axes, in the file's world)
+    /// show them.
     pub fn evidence(&self, views: &[&View], poses: &[DMat4], scale: DVec3) -> PointEvidence {
         let mut seen = vec![false; self.positions.len()];
         let mut pairs: Vec<([u8; 3], [u8; 3])> = Vec::new();

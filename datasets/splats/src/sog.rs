@@ -1,9 +1,9 @@
-//! SOG 2 of PlayCanvas: a description, `meta.json`, and WebP textures with one pixel a Gaussian, in a folder or in a zip
-//! archive (`.sog`). It is read, not written.
+//! SOG 2 of PlayCanvas: a description, `meta.json`, and WebP textures with one pixel a Gaussian, in a folder or in a
+//! zip archive (`.sog`). It is read, not written.
 //!
 //! | texture | a pixel |
 //! |---|---|
-//! | `means` (low and high byte) | `n` between `mins` and `maxs` in steps of `1 / 65535`; the mean is `sign(n) (exp \|n\| - 1)` |
+//! | `means` (low and high byte) | `n` from `mins` to `maxs` in steps of `1 / 65535`; the mean is `sign(n) (exp abs n - 1)` |
 //! | `quats` | alpha less 252: the largest of w x y z; colours: the others in order, `(2 c / 255 - 1) / sqrt 2` |
 //! | `scales` | places in a codebook of logarithms |
 //! | `sh0` | places in a codebook of harmonics of degree 0; alpha: the opacity, a share of 255 |

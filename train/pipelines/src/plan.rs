@@ -43,9 +43,9 @@ impl StepPlan {
     }
 }
 
-/// The steps of `config` that fit into `minutes` on `data`: of processor time on a CPU, as the clock shows on a GPU.
-/// The run begins at `begin`, or at points. `watch` began before the data set was read; what it shows is part of the budget, the measuring is not. The data come
-/// back without their reduced widths, which depend on the number of steps.
+/// The steps of `config` that fit into `minutes` on `data`, of a run that begins at `begin`, or at points: of processor
+/// time on a CPU, as the clock shows on a GPU. `watch` began before the data set was read; what it shows is part of the
+/// budget, the measuring is not. The data come back without their reduced widths, which depend on the number of steps.
 ///
 /// # Errors
 /// A sentence, if the budget is too small for a single step.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::declare::Declared;
 use super::error::{ConfigError, check};
-use super::ranges::{Only, SHARE};
+use super::ranges::{NOT_NEGATIVE, Only, SHARE};
 use crate::{choice, section};
 
 choice! {
@@ -141,7 +141,8 @@ section! {
         seen: f64 = 1.0, in Only("above 0 and at most 1", |share| *share > 0.0 && *share <= 1.0);
         /// Image folder of a COLMAP, LLFF or RealityScan set if it is not a usual one; empty: found automatically.
         images: String = String::new();
-        /// Frames a second of a video whose photos have no times: these are the numbers in their names over it; 0: none.
+        /// Frames a second of a video whose photos have no times: these are the numbers in their names over it. 0:
+        /// none.
         fps: f64 = 0.0, in NOT_NEGATIVE;
         /// Convention of the poses: "auto" is the format's own; else `c2w-` or `w2c-`, then `opencv`, `opengl` or three
         /// axes, as in `c2w-right-down-forward`.

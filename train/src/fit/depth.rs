@@ -166,7 +166,8 @@ impl PhotoDepth {
         points.colors.push([0, 1, 2].map(|channel| view.image.data[3 * pixel + channel]));
     }
 
-    /// Its numbers `[H, W, 1]` on the device of `like`, 0 where unknown, and their space, unless they are in scene units.
+    /// Its numbers `[H, W, 1]` on the device of `like`, 0 where unknown, and their space, unless they are in scene
+    /// units.
     pub fn relative(&self, like: &Tensor<3>) -> Option<(Tensor<3>, DepthSpace)> {
         let Prior { values, space, .. } = self.0.as_ref().filter(|prior| !prior.metric)?;
         Some((Tensor::from_data(TensorData::new(values.to_vec(), like.dims()), &like.device()), *space))

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use gs_pipelines::{PIPELINES, flux4d, sparsedyn, taylormode};
+use gs_pipelines::{PIPELINES, flux4d, sparsedyn, still, taylormode};
 use gs_train::config::tables::flat;
 use gs_train::config::{Config, Declared, Key};
 use toml::{Table, Value};
@@ -38,7 +38,7 @@ fn every_key_is_on_the_page() {
 
 /// The sections of all pipelines, each once.
 fn sections() -> Vec<Key> {
-    let own = [flux4d::config::Sections::keys(), sparsedyn::Sections::keys()];
+    let own = [still::Sections::keys(), flux4d::config::Sections::keys(), sparsedyn::Sections::keys()];
     let shared = Config::keys().into_iter().filter(|key| !key.keys.is_empty());
     let sections: Vec<Key> = shared.chain(own.into_iter().flatten()).chain(taylormode::Sections::keys()).collect();
     let names: BTreeSet<&str> = sections.iter().map(|section| section.name).collect();
