@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use gs_base::Intrinsics;
 
+use crate::on_demand::PhotoSource;
+
 /// An RGB image with 8 bits a channel, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RgbImage8 {
@@ -37,7 +39,8 @@ pub struct View {
     /// The physical camera, by the name in the file. Where the file names none and poses return at other times, cameras
     /// are told apart by pose ("pose00" and on). `None` where neither tells.
     pub camera_id: Option<String>,
-    /// The photo; RGBA is already composited on the chosen background.
+    /// The photo; RGBA is already composited on the chosen background. Empty where it is decoded when it is asked for:
+    /// [`decoded`](View::decoded) has it.
     pub image: RgbImage8,
     /// `[height, width]` the photo file's own alpha: 0 where it is transparent, 255 where it is opaque. `None` where
     /// the file has none or is opaque everywhere.
@@ -51,6 +54,9 @@ pub struct View {
     pub priors: Priors,
     /// Ground truth that the data set brings along, of synthetic worlds. It is for measuring only, never for training.
     pub truth: Truth,
+    /// Where the photo comes from when it is asked for, with its alpha, mask, priors and truth; `None` where the view
+    /// has them.
+    pub source: Option<PhotoSource>,
 }
 
 impl View {
@@ -73,6 +79,7 @@ impl View {
             exposure: None,
             priors: Priors::default(),
             truth: Truth::default(),
+            source: None,
         }
     }
 

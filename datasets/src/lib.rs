@@ -3,6 +3,7 @@
 //! [`load`] turns a folder into a [`Scene`]: photos undistorted and resized, cameras in one convention (OpenCV axes,
 //! camera to world), points to start from, and named splits into training and held-out views. [`Log`] describes the
 //! same folders and decodes a view when it is asked for; [`LogCache`] keeps decoded views under a bound in bytes.
+//! Photos of a scene larger than [`LoadOptions::memory`] are decoded so too, by [`View::decoded`].
 //! [`check`] reports contents and mistakes of a folder, [`load_cameras`] reads a camera path, and [`blur_from_frames`]
 //! averages the frames of multi-view video to a blurred set with its truth. The crate `gs-worlds` writes synthetic
 //! scenes.
@@ -57,6 +58,7 @@ mod mask;
 mod movers;
 mod names;
 mod notes;
+mod on_demand;
 mod one_color;
 mod options;
 mod order;
@@ -88,6 +90,7 @@ pub use log::{FrameDescription, FrameSource, Log};
 pub use log_cache::LogCache;
 pub use movers::{Mover, movers};
 pub use names::some_names;
+pub use on_demand::{Decoded, PhotoSource, surveyed};
 pub use options::{
     DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RowOrder, SparseViews, SplitUse,
 };

@@ -1,6 +1,7 @@
 //! [`load`]: describe a data set, then decode every frame of it in parallel.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use gs_base::statistics::range;
 use gs_base::{clause, counted};
@@ -14,6 +15,7 @@ use crate::frame::{CameraPose, View};
 use crate::log::Log;
 use crate::names::some_names;
 use crate::notes::{ViewNote, few_levels, off_photo_warning, suspicion};
+use crate::on_demand;
 use crate::one_color;
 use crate::options::LoadOptions;
 use crate::priors::summary::{self, Noted};
@@ -28,6 +30,9 @@ use crate::scene::{Scene, Split};
 /// that do not exist are left out with a warning. Priors and truth beside the photos are loaded at the photos' training
 /// size; one that is missing, broken or of another shape is left out with a warning.
 ///
+/// Of a set larger than `options.memory` the headers are read, and at most 128 photos are decoded and checked
+/// ([`surveyed`](crate::surveyed)). An error of another photo is a warning when it is asked for.
+///
 /// # Errors
 /// When a file is missing, unreadable, cut off or contradicts its format; when a pose, point or intrinsic is not finite
 /// or a pose is not rigid; when an image's proportions contradict its intrinsics; when a camera model is none of
@@ -35,19 +40,21 @@ use crate::scene::{Scene, Split};
 /// photos have one colour; when no training view is left.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     let (log, mut findings) = Log::describe(path, options)?;
-    let decoded: Vec<Result<(View, ViewNote), DatasetError>> =
-        (0..log.frames().len()).into_par_iter().map(|index| log.decode_noted(index)).collect();
-    // Collected before looking for errors, so that the first one by name is reported and not the first by chance.
-    let (mut views, notes): (Vec<View>, Vec<ViewNote>) =
-        decoded.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-    let trains = notes.iter().zip(log.frames()).filter(|(_, frame)| frame.split == Split::TRAIN);
-    one_color::refuse(path, trains.map(|(note, _)| note.one_color))?;
+    let log = Arc::new(log);
+    let (mut views, notes) = match options.memory.filter(|bound| log.bytes() > *bound) {
+        Some(bound) => on_demand::views(&log, bound)?,
+        None => decoded(&log)?,
+    };
+    let trains: Vec<bool> = notes.iter().map(|(index, _)| log.frames()[*index].split == Split::TRAIN).collect();
+    let notes: Vec<ViewNote> = notes.into_iter().map(|(_, note)| note).collect();
+    let of_training = notes.iter().zip(&trains).filter(|(_, trains)| **trains);
+    one_color::refuse(path, of_training.map(|(note, _)| note.one_color))?;
     summarise(path, &notes, &mut findings);
     findings.warn_all(few_levels(path, &notes, options.levels));
     let noted: Vec<Noted> = notes
         .iter()
-        .zip(log.frames())
-        .map(|(note, frame)| Noted { name: &note.name, trains: frame.split == Split::TRAIN, notes: &note.sides })
+        .zip(&trains)
+        .map(|(note, trains)| Noted { name: &note.name, trains: *trains, notes: &note.sides })
         .collect();
     summary::warn(path, &noted, &mut findings);
     findings.warn_all(log.disagreements());
@@ -95,6 +102,16 @@ pub fn load_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError> {
         return Ok(cameras);
     }
     formats::transforms::read_cameras(path)
+}
+
+/// All views of a log, and their notes with their indices.
+fn decoded(log: &Log) -> Result<(Vec<View>, Vec<(usize, ViewNote)>), DatasetError> {
+    let decoded: Vec<Result<(View, ViewNote), DatasetError>> =
+        (0..log.frames().len()).into_par_iter().map(|index| log.decode_noted(index, None)).collect();
+    // Collected before looking for errors, so that the first one by name is reported and not the first by chance.
+    let (views, notes): (Vec<View>, Vec<ViewNote>) =
+        decoded.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    Ok((views, notes.into_iter().enumerate().collect()))
 }
 
 fn summarise(path: &Path, notes: &[ViewNote], findings: &mut Findings) {

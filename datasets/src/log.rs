@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DMat4, DVec3};
 use gs_base::sentence::shown;
@@ -216,20 +216,33 @@ impl Log {
     /// # Panics
     /// When there is no frame at `index`.
     pub fn decode(&self, index: usize) -> Result<View, DatasetError> {
-        let (mut view, note) = self.decode_noted(index)?;
+        let (mut view, note) = self.decode_noted(index, None)?;
         if note.sides.moving_share == Some(0.0) && !self.marks_motion() {
             view.priors.moving = None;
         }
         Ok(view)
     }
 
-    /// The view, without the rule that masks of moving objects are left out where all of them are black.
-    pub(crate) fn decode_noted(&self, index: usize) -> Result<(View, ViewNote), DatasetError> {
-        let (mut view, note) = self.decoder.view(&self.raw[index])?;
+    /// The view, at a share of its width where one is given, without the rule that masks of moving objects are left out
+    /// where all of them are black.
+    pub(crate) fn decode_noted(&self, index: usize, share: Option<f64>) -> Result<(View, ViewNote), DatasetError> {
+        let narrow = |share: f64| Some((share * self.frames[index].size?.0 as f64) as usize);
+        let max_width = share.filter(|share| *share < 1.0).and_then(narrow).map(|width| width.max(1));
+        let decoder = Decoder { max_width: max_width.or(self.decoder.max_width), ..self.decoder.clone() };
+        let (mut view, note) = decoder.view(&self.raw[index])?;
         if !self.splits[0].1.contains(&index) {
             compare_with_sharp(&mut view);
         }
         Ok((view, note))
+    }
+
+    /// Memory that all views take, bytes, without the alpha that only a decoded file has.
+    pub(crate) fn bytes(&self) -> usize {
+        let bytes = |(frame, raw): (&FrameDescription, &RawFrame)| {
+            let (width, height) = frame.size.unwrap_or_default();
+            width * height * raw.bytes_per_pixel()
+        };
+        self.frames.iter().zip(&self.raw).map(bytes).sum()
     }
 
     fn marks_motion(&self) -> bool {
@@ -244,6 +257,16 @@ impl FrameSource for Log {
 
     fn decode(&self, index: usize) -> Result<View, DatasetError> {
         Log::decode(self, index)
+    }
+}
+
+impl<S: FrameSource + Send> FrameSource for Arc<S> {
+    fn frames(&self) -> &[FrameDescription] {
+        (**self).frames()
+    }
+
+    fn decode(&self, index: usize) -> Result<View, DatasetError> {
+        (**self).decode(index)
     }
 }
 

@@ -159,6 +159,9 @@ pub struct LoadOptions {
     pub levels: Option<[f64; 2]>,
     /// The order of the files of an LLFF set in its rows. Default [`RowOrder::Auto`].
     pub row_order: RowOrder,
+    /// Memory for all photos, bytes. Those of a set that takes more are decoded when they are asked for
+    /// ([`View::decoded`](crate::View::decoded)); `None` (the default): all are decoded at once.
+    pub memory: Option<usize>,
     /// Whether later frames are held out on purpose, so that their times are no mistake. Default no.
     pub predicts: bool,
 }
@@ -190,6 +193,7 @@ impl Default for LoadOptions {
             points_scale: 1.0,
             levels: None,
             row_order: RowOrder::Auto,
+            memory: None,
             predicts: false,
         }
     }

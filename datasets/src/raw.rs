@@ -90,6 +90,13 @@ impl RawFrame {
         let c2w = self.c2w * DMat4::from_mat3(face.rotation);
         Self { name, c2w, face: Some(face), ..self.clone() }
     }
+
+    /// Bytes of a pixel of its view in memory: colour, mask, priors and truth.
+    pub fn bytes_per_pixel(&self) -> usize {
+        let is_masked = !self.masks.is_empty() || !self.lens.distortion.is_none();
+        let sides = self.sides.files.iter().filter(|file| file.path.is_some());
+        3 + usize::from(is_masked) + sides.map(|file| file.kind.bytes()).sum::<usize>()
+    }
 }
 
 /// Points as the file gives them.

@@ -6,16 +6,21 @@ use crate::resize::{AreaResampler, target_size};
 
 impl View {
     /// The view at `width` pixels, in proportion, filtered by area: each new pixel is the mean of what it covers, and
-    /// counts where all of that does. Priors and truth are left out. A view that is no wider keeps its size.
+    /// counts where all of that does. Priors and truth are left out. A view that is no wider keeps its size. One that
+    /// is decoded when it is asked for is reduced then.
     pub fn reduced(&self, width: usize) -> Self {
         let (old, new) = ((self.width, self.height), target_size((self.width, self.height), Some(width)));
+        let intrinsics = self.intrinsics.scaled(new.0 as f64 / old.0 as f64, new.1 as f64 / old.1 as f64);
+        if let Some(source) = &self.source {
+            let source = Some(source.reduced(width));
+            return Self { intrinsics, width: new.0, height: new.1, source, ..self.clone() };
+        }
         let data = filtered::<3>(&self.image.data, old, new).into_iter();
         let level = |value: f32| value.round().clamp(0.0, 255.0) as u8;
         let image = RgbImage8 { width: new.0, height: new.1, data: data.map(level).collect() };
         let alpha = self.alpha.as_ref().map(|alpha| filtered::<1>(alpha, old, new).into_iter().map(level).collect());
         let counts = |share: f32| if share >= COVERAGE_MIN * 255.0 { 255 } else { 0 };
         let mask = self.mask.as_ref().map(|mask| filtered::<1>(mask, old, new).into_iter().map(counts).collect());
-        let intrinsics = self.intrinsics.scaled(new.0 as f64 / old.0 as f64, new.1 as f64 / old.1 as f64);
         Self {
             name: self.name.clone(),
             image_path: self.image_path.clone(),

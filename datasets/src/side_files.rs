@@ -26,6 +26,16 @@ impl Kind {
     pub fn is_prior(self) -> bool {
         matches!(self, Self::Depth | Self::Confidence | Self::Moving | Self::Sharp)
     }
+
+    /// Bytes of a pixel in memory.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::Moving | Self::TrueMoving | Self::TrueMovingUnion => 1,
+            Self::Sharp | Self::TrueSharp | Self::TrueBlurry => 3,
+            Self::Depth | Self::Confidence | Self::TrueDepth => 4,
+            Self::TrueVelocity => 12,
+        }
+    }
 }
 
 impl fmt::Display for Kind {

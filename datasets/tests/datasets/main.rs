@@ -21,6 +21,7 @@ mod masks;
 mod meant;
 mod nvfi;
 mod odd_names;
+mod on_demand;
 mod one_view;
 mod plural;
 mod poses;

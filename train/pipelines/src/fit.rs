@@ -9,7 +9,7 @@ use burn::tensor::Device;
 use glam::{DMat4, DVec3};
 use gs_base::counted;
 use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
-use gs_datasets::{CheckReport, DatasetError, LoadOptions, Scene};
+use gs_datasets::{CheckReport, DatasetError, LoadOptions, Scene, View};
 use gs_driving::{LogFormat, logs_in};
 use gs_models::{DynamicScene, Shutter};
 use gs_multiview::PoseVerdict;
@@ -37,7 +37,7 @@ use gs_train::run::evaluate::{Evaluator, HeldOut};
 use gs_train::run::exchange::host::gaussians_of;
 use gs_train::run::fingerprint::Fingerprint;
 use gs_train::run::folder::{Setting, full_path};
-use gs_train::run::memory::Prediction;
+use gs_train::run::memory::{Prediction, megabytes};
 use gs_train::run::metrics::psnr_counted;
 use gs_train::run::outcome::{Contents, Outcome, ScenePhotos};
 use gs_train::run::presentation;
@@ -189,6 +189,7 @@ pub fn load<M: SceneMethod>(path: &Path, config: &FitConfig<M::Config>) -> Resul
     let mut scene = loaded.map_err(|error| driving(path, M::NAME).map_or_else(|| error.into(), Error::msg))?;
     let warnings = scene.warnings.len();
     scene.warnings.extend(leave_out_few_points(&mut scene.points));
+    scene.warnings.extend(Some(config.data.memory_mb).filter(|_| !M::ON_DEMAND).and_then(|mb| too_large(&scene, mb)));
     let prepared = M::prepare(path, &mut scene, config);
     for warning in &scene.warnings[warnings..] {
         tracing::warn!("{warning}");
@@ -217,6 +218,18 @@ fn load_posed(path: &Path, options: LoadOptions) -> Result<Scene, DatasetError> 
     Ok(scene)
 }
 
+/// A warning about photos that take more than `data.memory_mb`, of a pipeline that looks at all of them.
+fn too_large(scene: &Scene, memory_mb: usize) -> Option<String> {
+    let bytes: usize = scene.train.iter().chain(scene.held_out_views()).map(View::bytes).sum();
+    (bytes > memory_mb << 20).then(|| {
+        format!(
+            "photos take {}, more than data.memory_mb = {memory_mb}: only pipeline=static decodes them when they are \
+             asked for; all are kept in memory",
+            megabytes(bytes as u64)
+        )
+    })
+}
+
 /// Why a driving log is no data set of this pipeline; `None` where there is none.
 fn driving(path: &Path, name: &str) -> Option<String> {
     let is_log = LogFormat::of(path).is_some() || path.is_dir() && logs_in(path).is_ok_and(|logs| !logs.is_empty());
@@ -230,6 +243,7 @@ fn driving(path: &Path, name: &str) -> Option<String> {
 
 fn options<M: SceneMethod>(config: &FitConfig<M::Config>) -> LoadOptions {
     let mut options = config.data.options();
+    options.memory = M::ON_DEMAND.then_some(config.data.memory_mb << 20);
     M::loading(config, &mut options);
     options
 }

@@ -3,7 +3,7 @@
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use gs_burn::{Extras, Gaussians, RenderOptions, render_with};
-use gs_datasets::{LoadOptions, PriorUse, Scene, View};
+use gs_datasets::{LoadOptions, PriorUse, Scene, View, surveyed};
 
 use gs_train::config::{FitConfig, NOT_NEGATIVE, Section};
 use gs_train::fit::coarse::dilation;
@@ -48,8 +48,9 @@ impl Method for Still {
 
     fn begin(scene: &Scene, at: &Step<Self>, _device: &Device) -> (InitialGaussians, Self) {
         let wanted = dense_count(&scene.train, at.config.init.dense_share, at.config.density.cap);
-        let points = at.cues.with_points(&scene.train, scene.points.as_ref(), wanted, at.config.seed);
-        (begin_static(&scene.train, points.as_ref(), at.config, at.facts), Self {})
+        let views = surveyed(&scene.train);
+        let points = at.cues.with_points(views, scene.points.as_ref(), wanted, at.config.seed);
+        (begin_static(views, points.as_ref(), at.config, at.facts), Self {})
     }
 
     fn extra(view: &View, index: usize, at: &Step<Self>, _device: &Device) -> PhotoDepth {
@@ -84,6 +85,7 @@ impl Method for Still {
 
 impl Intake for Still {
     const ANY_WIDTH: bool = true;
+    const ON_DEMAND: bool = true;
     const UNSEEN: Unseen = Unseen::MeanColor;
 
     fn defaults() -> FitConfig<Sections> {

@@ -166,6 +166,9 @@ section! {
         /// Share of the run in which photos have half their width (a quarter first, from 200 pixels on), for at most
         /// 70 steps and from 400 pixels on. 0: never.
         coarse_share: f64 = 0.07, in SHARE;
+        /// Memory for photos, MB. Those of a static scene that take more are decoded when they are asked for, and at
+        /// most 128 of them are looked at before training.
+        memory_mb: usize = 4096;
         /// Photos kept as floats, MB in all; the others are converted from 8 bits in each step.
         cache_mb: usize = 64;
     }

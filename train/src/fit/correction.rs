@@ -9,13 +9,13 @@
 //! same. Gains begin at what photos say of the points they share ([`gs_multiview::gains`]), which decides too whether
 //! anything is learned.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::NamedGradients;
 use gs_burn::adam::{Adam, AdamRate};
-use gs_datasets::View;
+use gs_datasets::{View, surveyed};
 use gs_multiview::{Gains, gains};
 use serde::{Deserialize, Serialize};
 
@@ -258,8 +258,12 @@ impl Found {
         if indices.len() < 2 || (too_many && !is_asked) {
             return None;
         }
-        let of_views: Vec<usize> = views.iter().map(|view| indices[&source(view)]).collect();
-        Some(Self { gains: gains(views, &of_views, points), sources: indices.into_keys().collect() })
+        let shown = surveyed(views);
+        let of_shown: Vec<usize> = shown.iter().map(|view| indices[&source(view)]).collect();
+        // Of a set larger than memory, nothing is known of sources without a surveyed photo.
+        let are_shown = of_shown.iter().collect::<BTreeSet<_>>().len() == indices.len();
+        let gains = are_shown.then(|| gains(shown, &of_shown, points)).flatten();
+        Some(Self { gains, sources: indices.into_keys().collect() })
     }
 
     /// The share of the disagreement that gains leave.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use burn::tensor::{Tensor, TensorData};
 use gs_base::median;
 use gs_burn::Rendering;
-use gs_datasets::{PointCloud, View};
+use gs_datasets::{PointCloud, View, surveyed};
 use gs_models::depth_prior::{Alignment, DepthSpace, align, depth_loss};
 use gs_multiview::Pinhole;
 use rand::seq::index;
@@ -27,27 +27,34 @@ const UNIT: f64 = 1.1;
 /// on either, or between them.
 const EDGE: f32 = 0.05;
 
-/// The depth priors of the training views, by index.
+/// The depth priors of the training views.
 #[derive(Debug, Default)]
-pub struct Depths(Vec<PhotoDepth>);
+pub struct Depths {
+    /// Of the [`surveyed`] views, by index.
+    shown: Vec<PhotoDepth>,
+    /// The scene's points, where priors are read with the photos when they are asked for.
+    on_demand: Option<PointCloud>,
+}
 
 impl Depths {
     /// The depth priors of views, in scene units where the scene's points tell how.
     pub fn of(views: &[View], points: Option<&PointCloud>) -> Self {
-        let placed = |view: &View| {
-            let depth = PhotoDepth::of(view);
-            points.map_or(depth.clone(), |points| depth.placed(&seen(view, points)))
-        };
-        Self(views.iter().map(placed).collect())
+        let shown = surveyed(views).iter().map(|view| PhotoDepth::among(view, points)).collect();
+        let is_on_demand = views.first().is_some_and(|view| view.source.is_some());
+        Self { shown, on_demand: is_on_demand.then(|| points.cloned().unwrap_or_default()) }
     }
 
     /// The prior of the `index`-th view; none at a reduced width.
     pub fn of_view(&self, view: &View, index: usize) -> PhotoDepth {
+        if let Some(points) = &self.on_demand {
+            return PhotoDepth::among(view, Some(points));
+        }
         let is_whole = view.priors.depth.is_some();
-        self.0.get(index).filter(|_| is_whole).cloned().unwrap_or_default()
+        self.shown.get(index).filter(|_| is_whole).cloned().unwrap_or_default()
     }
 
-    /// `points`, filled up to `wanted` with pixels of the views whose priors are in scene units; `None` without any.
+    /// `points`, filled up to `wanted` with pixels of the [`surveyed`] views whose priors are in scene units; `None`
+    /// without any.
     pub fn with_points(
         &self,
         views: &[View],
@@ -57,7 +64,7 @@ impl Depths {
     ) -> Option<PointCloud> {
         let mut points = points.cloned().unwrap_or_default();
         let pixels: Vec<(usize, Vec<u32>)> =
-            self.0.iter().enumerate().map(|(i, depth)| (i, depth.inner_pixels(&views[i]))).collect();
+            self.shown.iter().enumerate().map(|(i, depth)| (i, depth.inner_pixels(&views[i]))).collect();
         let all: usize = pixels.iter().map(|(_, pixels)| pixels.len()).sum();
         let count = wanted.saturating_sub(points.len()).min(all);
         let mut chosen = index::sample(&mut stream(seed, Purpose::Init, 1), all, count).into_vec();
@@ -65,7 +72,7 @@ impl Depths {
         let (mut chosen, mut before) = (chosen.into_iter().peekable(), 0);
         for (view, pixels) in pixels {
             while let Some(place) = chosen.next_if(|place| *place < before + pixels.len()) {
-                self.0[view].push_point(&views[view], pixels[place - before] as usize, &mut points);
+                self.shown[view].push_point(&views[view], pixels[place - before] as usize, &mut points);
             }
             before += pixels.len();
         }
@@ -120,6 +127,15 @@ impl PhotoDepth {
             Prior { values: Arc::new(values), space: in_space(prior.space), metric: prior.metric }
         };
         Self(view.priors.depth.as_ref().map(prior))
+    }
+
+    /// The depth prior of a view, in scene units where these points of the scene tell how.
+    fn among(view: &View, points: Option<&PointCloud>) -> Self {
+        let depth = Self::of(view);
+        match points.filter(|_| depth.is_known()) {
+            Some(points) => depth.placed(&seen(view, points)),
+            None => depth,
+        }
     }
 
     /// Whether there is one.

@@ -5,7 +5,7 @@
 //! the configuration is never changed.
 
 use gs_burn::RenderOptions;
-use gs_datasets::{Scene, View};
+use gs_datasets::{Scene, View, surveyed};
 use serde::{Deserialize, Serialize};
 
 use super::initialise::size_of;
@@ -49,12 +49,13 @@ impl SceneFacts {
     /// its background where the photos do not tell.
     pub fn of(scene: &Scene, config: &Config, near_share: Option<f64>, unseen: Unseen) -> Self {
         let subject_distance = scene.subject_distance();
-        let is_transparent = scene.train.iter().any(|view| view.alpha.is_some());
+        let views = surveyed(&scene.train);
+        let is_transparent = views.iter().any(|view| view.alpha.is_some());
         Self {
             extent: size_of(scene),
             near: if config.render.near > 0.0 { config.render.near } else { near(subject_distance, near_share) },
             background: match config.data.background {
-                Background::Found(_) if !is_transparent => found_background(&scene.train, unseen),
+                Background::Found(_) if !is_transparent => found_background(views, unseen),
                 // What is transparent was composited on it.
                 loaded => loaded.color(),
             },

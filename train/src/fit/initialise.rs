@@ -315,6 +315,7 @@ mod tests {
             exposure: None,
             priors: Default::default(),
             truth: Default::default(),
+            source: None,
         };
         assert!(is_plain(&view, 10, 5) && is_plain(&view, 0, 0));
         assert!(!is_plain(&view, 10, 25) && !is_plain(&view, 10, 14), "texture, and the edge of it");

@@ -13,6 +13,8 @@ pub trait Intake: Method {
     /// Whether photos may be compared at a reduced width: nothing in [`Method::Extra`] or [`Method::Cues`] has
     /// their size.
     const ANY_WIDTH: bool = false;
+    /// Whether photos may be decoded when they are asked for: no cue and no figure looks at those of a whole set.
+    const ON_DEMAND: bool = false;
     /// The background where the photos do not tell.
     const UNSEEN: Unseen = Unseen::Black;
 

@@ -1,10 +1,13 @@
 //! Photos: views as tensors on the device.
 
+use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
 
 use burn::tensor::{Device, Tensor, TensorData};
 use gs_burn::Camera;
-use gs_datasets::View;
+use gs_datasets::{Decoded, View};
 use rayon::prelude::*;
 
 use super::correction::ColorChange;
@@ -53,7 +56,8 @@ impl Extra for () {}
 /// The method's data of a view, by its index.
 type MakeExtra<'a, X> = Box<dyn Fn(&View, usize, &Device) -> X + 'a>;
 
-/// Views as tensors, converted when asked for and kept while they fit the cache.
+/// Views as tensors, converted when asked for and kept while they fit the cache. Photos that are not in memory are
+/// decoded then.
 pub struct Photos<'a, X> {
     views: &'a [View],
     device: Device,
@@ -61,6 +65,8 @@ pub struct Photos<'a, X> {
     room: usize,
     pixel: f64,
     extra: MakeExtra<'a, X>,
+    /// Views that are being decoded, or have been, by index.
+    ahead: BTreeMap<usize, JoinHandle<Option<Arc<View>>>>,
 }
 
 impl<'a> Photos<'a, ()> {
@@ -86,6 +92,7 @@ impl<'a, X: Extra> Photos<'a, X> {
             room: cache_bytes,
             pixel: 1.0,
             extra: Box::new(extra),
+            ahead: BTreeMap::new(),
         }
     }
 
@@ -99,13 +106,45 @@ impl<'a, X: Extra> Photos<'a, X> {
         self.views
     }
 
+    /// Whether photos are decoded when they are asked for.
+    pub fn are_on_demand(&self) -> bool {
+        self.views.first().is_some_and(|view| view.source.is_some())
+    }
+
+    /// Begins to decode the photos of views that will be asked for, each on a thread of its own; does nothing about
+    /// those in memory.
+    pub fn prefetch(&mut self, indices: impl IntoIterator<Item = usize>) {
+        for index in indices {
+            let view = &self.views[index];
+            if view.source.is_none() || self.kept[index].is_some() || self.ahead.contains_key(&index) {
+                continue;
+            }
+            let view = view.clone();
+            // Without a thread the photo is decoded when it is asked for.
+            if let Ok(thread) = thread::Builder::new().spawn(move || view.asked()) {
+                self.ahead.insert(index, thread);
+            }
+        }
+    }
+
+    /// View `index` with its pixels.
+    pub fn view(&mut self, index: usize) -> Decoded<'a> {
+        let ahead = self.ahead.remove(&index).and_then(|thread| thread.join().ok().flatten());
+        ahead.map_or_else(|| self.views[index].decoded(), Decoded::Asked)
+    }
+
     /// View `index` on the device.
     pub fn get(&mut self, index: usize) -> Photo<X> {
         if let Some(photo) = &self.kept[index] {
             return photo.clone();
         }
-        let view = &self.views[index];
-        let photo = self.upload(index);
+        let view = self.view(index);
+        self.of(&view, index)
+    }
+
+    /// View `index`, which has its pixels, on the device.
+    pub fn of(&mut self, view: &View, index: usize) -> Photo<X> {
+        let photo = self.upload(view, index);
         let channels = 3 + usize::from(photo.mask.is_some()) + photo.extra.floats_per_pixel();
         let bytes = 4 * view.width * view.height * channels;
         if bytes <= self.room {
@@ -115,8 +154,8 @@ impl<'a, X: Extra> Photos<'a, X> {
         photo
     }
 
-    fn upload(&self, index: usize) -> Photo<X> {
-        let (view, device) = (&self.views[index], &self.device);
+    fn upload(&self, view: &View, index: usize) -> Photo<X> {
+        let device = &self.device;
         Photo {
             camera: camera(view, device),
             image: to_tensor(view, &view.image.data, 3, device),

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use gs_base::counted;
-use gs_datasets::{DatasetError, LoadOptions, Log, PointCloud, PoseConvention, Scene, Split, View};
+use gs_datasets::{DatasetError, Decoded, LoadOptions, Log, PointCloud, PoseConvention, Scene, Split, View, surveyed};
 use gs_multiview::{Camera, PoseJudgement, judge_poses, pose_pairs};
+use rayon::prelude::*;
 
 /// Largest `render.near`, in distances of the subject. Beyond half of that distance little is left to draw. A near
 /// plane that cuts away the walls of a rig comes close to it (Panoptic: 1.2 of about 2.7 m).
@@ -20,7 +21,7 @@ pub const NEAR_ADVISED: f64 = 0.01;
 /// A sentence, if masks or lens distortion remove every pixel of every training view.
 pub fn check_pixels(dataset: &Path, scene: &Scene) -> Result<(), String> {
     let counts = |view: &View| view.mask.as_ref().is_none_or(|mask| mask.iter().any(|keep| *keep != 0));
-    if scene.train.iter().any(counts) {
+    if surveyed(&scene.train).iter().any(counts) {
         return Ok(());
     }
     Err(no_pixels(dataset))
@@ -60,7 +61,16 @@ pub fn no_pixels(dataset: &Path) -> String {
 pub fn judge_scene(scene: &Scene, options: &LoadOptions) -> PoseJudgement {
     let cameras: Vec<Camera> = scene.train.iter().map(|view| Camera { c2w: view.c2w, time: view.time }).collect();
     let chosen = pose_pairs(&cameras);
-    let views: Vec<&View> = chosen.views.iter().map(|view| &scene.train[*view]).collect();
+    // Views whose photos are decoded when they are asked for are looked at as `judge_dataset` does.
+    let narrow = |view: &View| view.source.is_some().then(|| view.reduced(JUDGED_WIDTH));
+    let narrow: Vec<Option<View>> = chosen.views.iter().map(|view| narrow(&scene.train[*view])).collect();
+    let views: Vec<Decoded> = chosen
+        .views
+        .par_iter()
+        .zip(&narrow)
+        .map(|(view, narrow)| narrow.as_ref().unwrap_or(&scene.train[*view]).decoded())
+        .collect();
+    let views: Vec<&View> = views.iter().map(|view| &**view).collect();
     let read = options.poses.unwrap_or_else(|| PoseConvention::of(scene.format));
     judge_poses(&views, &chosen.pairs, scene.points.as_ref(), scene.origin, read)
 }

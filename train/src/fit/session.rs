@@ -13,6 +13,10 @@ use super::sampler::ViewOrder;
 use super::trainer::{StepReport, Trainer};
 use crate::config::FitConfig;
 
+/// Steps whose photos are decoded ahead of them where they are not in memory. A 12-megapixel JPEG takes 0.1 to 0.2 s on
+/// one thread, several steps of a GPU.
+pub const AHEAD: usize = 4;
+
 /// A data set with its facts and cues.
 #[derive(Debug)]
 pub struct Data<M: Method> {
@@ -89,10 +93,14 @@ impl<'a, M: Method> Session<'a, M> {
             self.halvings = halvings;
         }
         let photos = &mut self.photos;
-        let photos: Vec<_> =
+        let taken: Vec<_> =
             gs_burn::profile::timed("photo upload", || views.iter().map(|index| photos.get(*index)).collect());
-        let report = self.trainer.step(&photos, &self.data.scene.train, &self.data.cues, self.config);
-        Stepped { report, photos }
+        if self.photos.are_on_demand() {
+            let next = self.trainer.step + 2;
+            (next..next + AHEAD).for_each(|step| self.photos.prefetch(self.order.views(step)));
+        }
+        let report = self.trainer.step(&taken, &self.data.scene.train, &self.data.cues, self.config);
+        Stepped { report, photos: taken }
     }
 
     /// The current step, with everything that the method may read.

@@ -1,5 +1,7 @@
 //! Measurement of a scene: held-out views are rendered and compared.
 
+use std::borrow::Cow;
+
 use burn::tensor::{Device, Tensor};
 use gs_burn::Gaussians;
 use gs_datasets::{Scene, View};
@@ -68,6 +70,14 @@ impl<'a> HeldOut<'a> {
         Some(Self { split, views, regions })
     }
 
+    /// The regions of view `index`, which has its pixels: those given, where it has them only when it is asked for.
+    fn regions_of(&self, index: usize, view: &View) -> Cow<'_, [Region]> {
+        match self.views[index].source {
+            Some(_) => Cow::Owned(given_regions(view)),
+            None => Cow::Borrowed(&self.regions[index]),
+        }
+    }
+
     /// Whether the data set does not give one of the regions.
     fn has_inferred(&self) -> bool {
         let inferred = |(view, regions): (&View, &Vec<Region>)| {
@@ -133,7 +143,7 @@ impl Evaluator {
         let keep_every = views.len().div_ceil(kept.clamp(1, views.len().max(1))).max(1);
         let mut photos = Photos::plain(views, &self.device);
         let (mut scores, mut comparisons, mut compared) = (Vec::new(), Vec::new(), Compared::Sharp);
-        let mut fitted = Vec::new();
+        let (mut fitted, mut has_truth) = (Vec::new(), false);
         for together in by_time(views).chunks(TIMES_AT_ONCE) {
             let times: Vec<f64> = together.iter().map(|(time, _)| *time).collect();
             let mut shared: Option<Vec<Gaussians>> = None;
@@ -141,7 +151,10 @@ impl Evaluator {
                 for index in indices.iter().copied() {
                     let view = &views[index];
                     let color = model.correction.as_ref().and_then(|it| it.near(view, &data.train));
-                    let photo = Photo { color, ..photos.get(index) };
+                    let shown = photos.view(index);
+                    photos.prefetch((index + 1..views.len()).take(1));
+                    let photo = Photo { color, ..photos.of(&shown, index) };
+                    has_truth |= shown.truth.blurry.is_some();
                     let formed = blur.and_then(|blur| blur.formed(&model.method, &model.gaussians, view, at));
                     let image = match formed {
                         Some(formed) => {
@@ -163,13 +176,14 @@ impl Evaluator {
                         let (image, truth) = (image.clone(), photo.image.clone());
                         fitted.extend(psnr_after_color_fit(image, truth, photo.mask.clone()));
                     }
-                    let regions = held_out.regions[index].iter().filter_map(|region| {
+                    let regions = held_out.regions_of(index, &shown);
+                    let regions = regions.iter().filter_map(|region| {
                         let scores = self.region(image.clone(), &photo, view, region)?;
                         Some((region.name.to_string(), scores))
                     });
                     let regions = regions.collect();
                     if kept > 0 && index % keep_every == 0 {
-                        comparisons.push((index, self.comparison(view, photo, image, whole.psnr)));
+                        comparisons.push((index, self.comparison(&shown, photo, image, whole.psnr)));
                     }
                     scores.push((index, ViewScores { name: view.name.clone(), scores: whole, regions }));
                 }
@@ -179,7 +193,6 @@ impl Evaluator {
         comparisons.sort_by_key(|(index, _)| *index);
         let scores = scores.into_iter().map(|(_, scores)| scores).collect();
         let comparisons = comparisons.into_iter().map(|(_, comparison)| comparison).collect();
-        let has_truth = views.iter().any(|view| view.truth.blurry.is_some());
         let summary = self.summary(scores, described_comparison(compared, has_truth));
         let regions_inferred = !summary.regions.is_empty() && held_out.has_inferred();
         (Quality { regions_inferred, ..summary }, fitted, comparisons)

@@ -2,11 +2,12 @@
 
 use std::fmt;
 
-use gs_datasets::{Scene, View};
+use gs_datasets::{Scene, View, surveyed};
 
 use crate::config::{FitConfig, InitConfig, Strategy};
 use crate::fit::intake::Intake;
 use crate::fit::parameters::Group;
+use crate::fit::session::AHEAD;
 use crate::fit::told::Told;
 
 /// Predicted peak memory, by purpose.
@@ -41,6 +42,9 @@ const RENDERING_FLOATS_PER_GAUSSIAN: u64 = 8 + 3 + 1 + 7;
 /// channels and its work space.
 const STEP_FLOATS_PER_PIXEL: u64 = 3 * 4 + 9 + 9;
 
+/// Bytes per pixel of a photo that is being decoded: of the file as it is, and of the view.
+const DECODING_BYTES_PER_PIXEL: u64 = 6;
+
 /// Program (23 MiB of it are read), thread stacks and allocator; measured on Linux with the CPU backend.
 const PROGRAM_BYTES: u64 = 48 << 20;
 
@@ -65,7 +69,8 @@ impl Prediction {
     ///
     /// - Gaussians: parameters and both moments of every Gaussian at the cap;
     /// - step: gradients, projected rows, intersection lists, images and SSIM maps of one step;
-    /// - photos: as 8 bits, at reduced widths, and as cached floats;
+    /// - photos: as 8 bits, at reduced widths, and as cached floats; where they are decoded when they are asked for,
+    ///   the bound and those in use;
     /// - the method's own data;
     /// - program: the program itself, its thread stacks and allocator slack.
     pub fn of_fit<M: Intake + Told>(scene: &Scene, config: &FitConfig<M::Config>) -> Self {
@@ -84,6 +89,15 @@ impl Prediction {
         };
         let cached = (12 * all_pixels).min((config.data.cache_mb as u64) << 20);
         let intersection = BYTES_PER_INTERSECTION + BACKWARD_BYTES_PER_INTERSECTION;
+        let (name, stored) = match scene.train.first().is_some_and(|view| view.source.is_some()) {
+            false => ("photos", views().map(stored_bytes).sum::<u64>() + reduced),
+            true => {
+                let surveyed = surveyed(&scene.train).iter().map(stored_bytes).sum::<u64>();
+                let in_use = (AHEAD as u64 + 1) * DECODING_BYTES_PER_PIXEL * largest;
+                let bound = (config.data.memory_mb as u64) << 20;
+                ("photos decoded when asked for, by data.memory_mb", bound.max(surveyed) + in_use)
+            }
+        };
         let mut parts = vec![
             ("Gaussians", 3 * 4 * floats * cap),
             (
@@ -91,7 +105,7 @@ impl Prediction {
                 cap * (4 * floats + STEP_BYTES_PER_GAUSSIAN + TILES_PER_GAUSSIAN * intersection)
                     + 4 * STEP_FLOATS_PER_PIXEL * largest,
             ),
-            ("photos", views().map(stored_bytes).sum::<u64>() + reduced + cached),
+            (name, stored + cached),
         ];
         parts.extend(M::blur().map(|blur| blur.memory(scene, config)).unwrap_or_default());
         parts.push(("program", PROGRAM_BYTES));

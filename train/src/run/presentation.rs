@@ -98,7 +98,7 @@ pub fn camera(view: &View, split: &str) -> Camera {
 /// The photo as a data URL, at most [`PHOTO_SIDE`] pixels a side; `None` where it cannot be encoded.
 fn photo(view: &View) -> Option<String> {
     let (width, height) = (view.width as u32, view.height as u32);
-    let whole = RgbImage::from_raw(width, height, view.image.data.clone())?;
+    let whole = RgbImage::from_raw(width, height, view.decoded().image.data.clone())?;
     let scale = f64::from(PHOTO_SIDE) / f64::from(width.max(height));
     let shown = match scale < 1.0 {
         true => {

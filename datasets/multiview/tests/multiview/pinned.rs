@@ -69,6 +69,7 @@ fn view(frame: usize) -> View {
         exposure: None,
         priors: Priors::default(),
         truth: Truth::default(),
+        source: None,
     }
 }
 

@@ -24,6 +24,7 @@ mod layers;
 #[path = "../../../../tests/src/mutate.rs"]
 mod mutate;
 mod noise;
+mod on_demand;
 mod profile;
 mod resume;
 mod scene_files;

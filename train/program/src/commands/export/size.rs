@@ -101,11 +101,11 @@ fn shown(photos: &Scene) -> (&'static str, &[View]) {
 fn mean_psnr(scene: &dyn DynamicScene, views: &[View], options: &RenderOptions) -> f64 {
     let times: Vec<f64> = views.iter().map(|view| view.time.unwrap_or(0.0)).collect();
     let score = |(view, gaussians): (&View, Gaussians)| {
-        let device = gaussians.device();
-        let image = render(&gaussians, &camera(view, &device), options).color;
+        let (view, device) = (view.decoded(), gaussians.device());
+        let image = render(&gaussians, &camera(&view, &device), options).color;
         let photo = view.truth.sharp.as_ref().unwrap_or(&view.image);
-        let truth = to_tensor(view, &photo.data, 3, &device);
-        psnr_counted(image, truth, mask_of(view, &device))
+        let truth = to_tensor(&view, &photo.data, 3, &device);
+        psnr_counted(image, truth, mask_of(&view, &device))
     };
     views.iter().zip(through_time(scene, &times)).map(score).sum::<f64>() / views.len().max(1) as f64
 }
