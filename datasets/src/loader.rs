@@ -14,7 +14,7 @@ use crate::formats;
 use crate::frame::{CameraPose, View};
 use crate::log::Log;
 use crate::names::some_names;
-use crate::notes::{ViewNote, few_levels, off_photo_warning, suspicion};
+use crate::notes::{ViewNote, ViewsWithNotes, few_levels, off_photo_warning, suspicion};
 use crate::on_demand;
 use crate::one_color;
 use crate::options::LoadOptions;
@@ -105,7 +105,7 @@ pub fn load_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError> {
 }
 
 /// All views of a log, and their notes with their indices.
-fn decoded(log: &Log) -> Result<(Vec<View>, Vec<(usize, ViewNote)>), DatasetError> {
+fn decoded(log: &Log) -> Result<ViewsWithNotes, DatasetError> {
     let decoded: Vec<Result<(View, ViewNote), DatasetError>> =
         (0..log.frames().len()).into_par_iter().map(|index| log.decode_noted(index, None)).collect();
     // Collected before looking for errors, so that the first one by name is reported and not the first by chance.

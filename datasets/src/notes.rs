@@ -6,6 +6,7 @@ use gs_base::statistics::range;
 use gs_base::{Intrinsics, agree, counted, median};
 
 use crate::face::Face;
+use crate::frame::View;
 use crate::mask::SUSPECT_SHARE;
 use crate::names::some_names;
 use crate::priors::attach::SideNotes;
@@ -37,6 +38,9 @@ pub(crate) struct ViewNote {
     pub range: Option<[f64; 2]>,
     pub sides: SideNotes,
 }
+
+/// Views of a log in its order, and the notes of frames that were decoded, with their indices.
+pub(crate) type ViewsWithNotes = (Vec<View>, Vec<(usize, ViewNote)>);
 
 /// Levels of 255 that photos have at the least: with a quarter of the range, two of eight bits are lost.
 const FEW: f64 = 64.0;

@@ -18,7 +18,7 @@ use crate::error::DatasetError;
 use crate::frame::{RgbImage8, View};
 use crate::log::{FrameDescription, FrameSource, Log};
 use crate::log_cache::LogCache;
-use crate::notes::ViewNote;
+use crate::notes::{ViewNote, ViewsWithNotes};
 
 /// Most photos that are surveyed, evenly spaced by name. A plane sweep finds neighbours among as many, and decoding
 /// them takes seconds.
@@ -129,7 +129,7 @@ pub fn surveyed(views: &[View]) -> &[View] {
 
 /// The views of a log without their pixels, in its order, and the notes of its surveyed training frames with their
 /// indices. All views together never hold more than about `bound` bytes, surveyed ones included.
-pub(crate) fn views(log: &Arc<Log>, bound: usize) -> Result<(Vec<View>, Vec<(usize, ViewNote)>), DatasetError> {
+pub(crate) fn views(log: &Arc<Log>, bound: usize) -> Result<ViewsWithNotes, DatasetError> {
     let frames = log.frames();
     // A frame whose header cannot be read, or contradicts its camera, is an error as if all were decoded.
     for index in (0..frames.len()).filter(|index| frames[*index].intrinsics.is_none()) {

@@ -93,7 +93,7 @@ impl RawFrame {
 
     /// Bytes of a pixel of its view in memory: colour, mask, priors and truth.
     pub fn bytes_per_pixel(&self) -> usize {
-        let is_masked = !self.masks.is_empty() || !self.lens.distortion.is_none();
+        let is_masked = !self.masks.is_empty() || !self.lens.distortion.is_none() || self.face.is_some();
         let sides = self.sides.files.iter().filter(|file| file.path.is_some());
         3 + usize::from(is_masked) + sides.map(|file| file.kind.bytes()).sum::<usize>()
     }

@@ -102,6 +102,7 @@ impl World {
             exposure: (tau > 0.0).then_some(tau),
             priors: Priors::default(),
             truth: Truth { moving_union: Some(moving), ..Truth::default() },
+            source: None,
         }
     }
 
