@@ -1,10 +1,12 @@
 //! One photo with its camera: [`View`], and the camera alone: [`CameraPose`].
 
+use std::fmt;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use gs_base::Intrinsics;
 
-use crate::on_demand::PhotoSource;
+use crate::error::DatasetError;
 
 /// An RGB image with 8 bits a channel, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -174,6 +176,37 @@ pub struct Truth {
     pub moving: Option<Vec<u8>>,
     /// `[height, width]`: 255 where a moving surface is visible at any time of the exposure.
     pub moving_union: Option<Vec<u8>>,
+}
+
+/// Photos of a set that are decoded when they are asked for.
+pub(crate) trait PhotoSet: Send + Sync {
+    /// The view of a frame with its pixels.
+    fn decode(&self, index: usize) -> Result<Arc<View>, DatasetError>;
+
+    /// See [`surveyed`](crate::surveyed).
+    fn survey(&self) -> &[View];
+}
+
+/// Where the photo of a view comes from when it is asked for.
+#[derive(Clone)]
+pub struct PhotoSource {
+    pub(crate) set: Arc<dyn PhotoSet>,
+    /// Of the frame in the set.
+    pub(crate) index: usize,
+    /// The width that it is reduced to after decoding, pixels; `None`: none.
+    pub(crate) width: Option<usize>,
+}
+
+impl PartialEq for PhotoSource {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.set, &other.set) && (self.index, self.width) == (other.index, other.width)
+    }
+}
+
+impl fmt::Debug for PhotoSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "PhotoSource({})", self.index)
+    }
 }
 
 /// A camera without an image, for rendering.

@@ -84,13 +84,13 @@ pub use consistency::frame_interval;
 pub use convention::{CameraAxis, PoseConvention, mirrored};
 pub use distortion::Distortion;
 pub use error::DatasetError;
-pub use frame::{CameraPose, DepthPrior, DepthSpace, Priors, RgbImage8, Truth, View};
+pub use frame::{CameraPose, DepthPrior, DepthSpace, PhotoSource, Priors, RgbImage8, Truth, View};
 pub use loader::{load, load_cameras};
 pub use log::{FrameDescription, FrameSource, Log};
 pub use log_cache::LogCache;
 pub use movers::{Mover, movers};
 pub use names::some_names;
-pub use on_demand::{Decoded, PhotoSource, surveyed};
+pub use on_demand::{Decoded, surveyed};
 pub use options::{
     DEFAULT_HOLDOUT, DepthKind, Holdout, LoadOptions, MaskUse, PriorUse, RowOrder, SparseViews, SplitUse,
 };

@@ -7,7 +7,6 @@
 //!
 //! [`LoadOptions::memory`]: crate::LoadOptions::memory
 
-use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
 
@@ -15,7 +14,7 @@ use gs_base::counted;
 use rayon::prelude::*;
 
 use crate::error::DatasetError;
-use crate::frame::{RgbImage8, View};
+use crate::frame::{PhotoSet, PhotoSource, RgbImage8, View};
 use crate::log::{FrameDescription, FrameSource, Log};
 use crate::log_cache::LogCache;
 use crate::notes::{ViewNote, ViewsWithNotes};
@@ -28,43 +27,19 @@ const SURVEYED: usize = 128;
 /// pixels are 960 wide, which is above the widths at which photos are compared before training.
 const SURVEYED_BYTES: usize = 256 << 20;
 
-/// The photos of a set, decoded when they are asked for.
-struct PhotoSet {
+/// The photos of a log, and the surveyed ones.
+struct LoggedPhotos {
     cache: LogCache<Arc<Log>>,
     survey: Vec<View>,
 }
 
-/// Where the photo of a view comes from when it is asked for.
-#[derive(Clone)]
-pub struct PhotoSource {
-    set: Arc<PhotoSet>,
-    /// Of the frame in the log.
-    index: usize,
-    /// The width that it is reduced to after decoding, pixels; `None`: none.
-    width: Option<usize>,
-}
-
-impl PhotoSource {
-    /// The same photo at a smaller width, pixels.
-    pub(crate) fn reduced(&self, width: usize) -> Self {
-        Self { width: Some(width), ..self.clone() }
+impl PhotoSet for LoggedPhotos {
+    fn decode(&self, index: usize) -> Result<Arc<View>, DatasetError> {
+        self.cache.get(index)
     }
 
-    fn decode(&self) -> Result<Arc<View>, DatasetError> {
-        let view = self.set.cache.get(self.index)?;
-        Ok(self.width.map_or_else(|| view.clone(), |width| Arc::new(view.reduced(width))))
-    }
-}
-
-impl PartialEq for PhotoSource {
-    fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.set, &other.set) && (self.index, self.width) == (other.index, other.width)
-    }
-}
-
-impl fmt::Debug for PhotoSource {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "PhotoSource({})", self.index)
+    fn survey(&self) -> &[View] {
+        &self.survey
     }
 }
 
@@ -97,7 +72,9 @@ impl View {
 
     /// The decoded view; `None` where this one has its pixels.
     pub fn asked(&self) -> Option<Arc<View>> {
-        let found = match self.source.as_ref()?.decode() {
+        let PhotoSource { set, index, width } = self.source.as_ref()?;
+        let whole = set.decode(*index);
+        let found = match whole.map(|view| width.map_or(view.clone(), |width| Arc::new(view.reduced(width)))) {
             Ok(view) if (view.width, view.height) == (self.width, self.height) => Ok(view),
             Ok(view) => Err(format!("{}: another size than before: {} x {}", self.name, view.width, view.height)),
             Err(error) => Err(error.to_string()),
@@ -124,7 +101,7 @@ impl View {
 /// are asked for, at most 128 training views spread evenly over the set, at a width at which their colours take at
 /// most 256 MB.
 pub fn surveyed(views: &[View]) -> &[View] {
-    views.first().and_then(|view| view.source.as_ref()).map_or(views, |source| &source.set.survey)
+    views.first().and_then(|view| view.source.as_ref()).map_or(views, |source| source.set.survey())
 }
 
 /// The views of a log without their pixels, in its order, and the notes of its surveyed training frames with their
@@ -147,7 +124,7 @@ pub(crate) fn views(log: &Arc<Log>, bound: usize) -> Result<ViewsWithNotes, Data
         counted(survey.len(), "photo")
     );
     let left = bound.saturating_sub(survey.iter().map(View::bytes).sum());
-    let set = Arc::new(PhotoSet { cache: LogCache::new(log.clone(), left), survey });
+    let set: Arc<dyn PhotoSet> = Arc::new(LoggedPhotos { cache: LogCache::new(log.clone(), left), survey });
     let source = |index| PhotoSource { set: set.clone(), index, width: None };
     let views = frames.iter().enumerate().map(|(index, frame)| described(frame, source(index))).collect();
     Ok((views, chosen.into_iter().zip(notes).collect()))

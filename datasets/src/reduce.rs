@@ -1,6 +1,6 @@
 //! A view at a smaller size, for learning from coarse to fine.
 
-use crate::frame::{RgbImage8, View};
+use crate::frame::{PhotoSource, RgbImage8, View};
 use crate::resample::COVERAGE_MIN;
 use crate::resize::{AreaResampler, target_size};
 
@@ -12,7 +12,7 @@ impl View {
         let (old, new) = ((self.width, self.height), target_size((self.width, self.height), Some(width)));
         let intrinsics = self.intrinsics.scaled(new.0 as f64 / old.0 as f64, new.1 as f64 / old.1 as f64);
         if let Some(source) = &self.source {
-            let source = Some(source.reduced(width));
+            let source = Some(PhotoSource { width: Some(width), ..source.clone() });
             return Self { intrinsics, width: new.0, height: new.1, source, ..self.clone() };
         }
         let data = filtered::<3>(&self.image.data, old, new).into_iter();

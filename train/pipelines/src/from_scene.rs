@@ -10,19 +10,20 @@ use gs_burn::Gaussians;
 use gs_train::config::FitConfig;
 use gs_train::fit::correction::Correction;
 use gs_train::fit::density::ops::Draft;
+use gs_train::fit::intake::Intake;
 use gs_train::fit::method::Step;
+use gs_train::fit::saved::Saved;
 use gs_train::fit::session::Data;
 use gs_train::fit::trainer::{Model, Trainer};
 use gs_train::run::scene::translated;
 
-use super::fit::SceneMethod;
 use super::load_scene;
 
 /// The state before the first step; `None` where no scene is named.
 ///
 /// # Errors
 /// A sentence when the scene cannot be read, or has more Gaussians than the training may.
-pub fn from_scene<M: SceneMethod>(
+pub fn from_scene<M: Intake + Saved>(
     data: &Data<M>,
     config: &FitConfig<M::Config>,
     device: &Device,

@@ -218,7 +218,7 @@ impl Extra for PhotoDepth {
 }
 
 /// The space of a data set's depth as a type of `gs-models`.
-fn in_space(space: gs_datasets::DepthSpace) -> DepthSpace {
+pub fn in_space(space: gs_datasets::DepthSpace) -> DepthSpace {
     match space {
         gs_datasets::DepthSpace::Depth => DepthSpace::Depth,
         gs_datasets::DepthSpace::InverseDepth => DepthSpace::InverseDepth,
@@ -261,7 +261,7 @@ mod tests {
         let affine = view(|z| 0.3 * z + 0.1, Depth, false);
         let inverse = view(|z| 40.0 / z + 3.0, InverseDepth, false);
         for (name, view) in [("millimetres", millimetres), ("affine", affine), ("inverse", inverse)] {
-            let depths = Depths::of(&[view.clone()], Some(&points(&view)));
+            let depths = Depths::of(std::slice::from_ref(&view), Some(&points(&view)));
             let placed = depths.of_view(&view, 0).0.expect("a prior");
             assert!(placed.metric && placed.space == DepthSpace::Depth, "{name}");
             let off = placed.values.iter().enumerate().map(|(i, z)| (z - truth(i)).abs()).fold(0.0, f32::max);
@@ -272,7 +272,7 @@ mod tests {
         let kept = |view: View, has_points: bool| {
             let given = view.priors.depth.clone().expect("a prior").values;
             let points = points(&view);
-            let depths = Depths::of(&[view.clone()], has_points.then_some(&points));
+            let depths = Depths::of(std::slice::from_ref(&view), has_points.then_some(&points));
             *depths.of_view(&view, 0).0.expect("a prior").values == given
         };
         assert!(kept(view(|z| 0.3 * z + 0.1, Depth, false), false));

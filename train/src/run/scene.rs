@@ -187,10 +187,10 @@ pub fn read_file(path: &Path) -> Result<SceneFile> {
     }
     let checkpoint =
         |path: &Path| -> Result<SceneFile> { Ok(SceneFile::Checkpoint(Box::new(Checkpoint::load(path)?))) };
-    if path.is_dir() {
-        if let Some((_, newest)) = RunFolder::at(path).saved().pop() {
-            return checkpoint(&newest);
-        }
+    if path.is_dir()
+        && let Some((_, newest)) = RunFolder::at(path).saved().pop()
+    {
+        return checkpoint(&newest);
     }
     if path.extension().is_some_and(|extension| extension == "safetensors") {
         return checkpoint(path);

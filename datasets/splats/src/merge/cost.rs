@@ -12,8 +12,8 @@
 
 use super::moments::Shape;
 
-/// The difference of a colour to the colours behind it and beside it, 0 to 1. A larger value keeps shapes, a smaller one
-/// keeps colours. Between 0.14 and 0.3 the error of training photos hardly changes.
+/// The difference of a colour to the colours behind it and beside it, 0 to 1. A larger value keeps shapes, a smaller
+/// one keeps colours. Between 0.14 and 0.3 the error of training photos hardly changes.
 const CONTRAST: f64 = 0.2;
 
 /// The cost of a merged pair, whose colours have the squared difference `difference`.

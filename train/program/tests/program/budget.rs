@@ -8,28 +8,28 @@ use std::path::{Path, PathBuf};
 /// The folder of a crate, and its most lines of source: without tests, and without crates inside it.
 const SOURCE_LINES: [(&str, usize); 14] = [
     ("configs", 100),
-    ("datasets", 11_150),
+    ("datasets", 12_330),
     ("datasets/base", 1_150),
     ("datasets/driving", 6_645),
-    ("datasets/multiview", 4_740),
-    ("datasets/splats", 3_790),
+    ("datasets/multiview", 4_745),
+    ("datasets/splats", 4_300),
     ("datasets/worlds", 4_830),
     ("gs-burn", 6_620),
     ("gs-kernels", 14_240),
     ("models", 12_330),
     ("tests/lab", 6_050),
-    ("train", 9_990),
-    ("train/pipelines", 12_940),
+    ("train", 10_320),
+    ("train/pipelines", 13_050),
     ("train/program", 8_970),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 38_960;
+const TEST_LINES: usize = 40_300;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [
     ("train/src/fit/method.rs", "Method", 14),
-    ("train/src/fit/intake.rs", "Intake", 9),
+    ("train/src/fit/intake.rs", "Intake", 10),
     ("train/pipelines/src/lib.rs", "Pipeline", 9),
     ("models/src/scene.rs", "DynamicScene", 7),
 ];

@@ -4,7 +4,7 @@
 use anyhow::Result;
 use gs_datasets::{DepthPrior, DepthSpace, Scene, View};
 use gs_models::depth_prior::align;
-use gs_pipelines::taylormode::forward::in_space;
+use gs_train::fit::depth::in_space;
 use gs_worlds::deblur::World;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

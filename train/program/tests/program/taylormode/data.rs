@@ -70,7 +70,9 @@ fn a_still_scene_reads_no_prior_that_it_does_not_use() {
     };
     assert!(priors(loaded::<Taylormode>(&world, &plain("pipeline=taylormode"))).contains(&[true; 3]));
     let still = priors(loaded::<Still>(&world, &plain("pipeline=static")));
-    assert!(still.contains(&[false, true, false]) && still.iter().all(|[depth, _, sharp]| !depth && !sharp));
+    assert!(still.contains(&[true, true, false]) && still.iter().all(|[.., sharp]| !sharp));
+    let without = priors(loaded::<Still>(&world, &common::config(STEPS, &["depth.weight=0.0"])));
+    assert!(without.contains(&[false, true, false]) && without.iter().all(|[depth, ..]| !depth));
 }
 
 /// `check` says what `train` says: what it refuses, and what it leaves out.
