@@ -112,6 +112,12 @@ impl PoseConvention {
         (file.determinant() < 0.0) != (hand_of(self.axes) < 0.0)
     }
 
+    /// A camera (camera to world, OpenCV axes) as it was read by this convention, in a world of our hand.
+    pub fn unmirrored(self, c2w: DMat4) -> DMat4 {
+        let file = self.to_file(c2w);
+        if self.mirrors(file) { self.to_c2w(file) } else { c2w }
+    }
+
     /// The file's matrix of a camera (camera to world, OpenCV axes), in a world of our hand.
     pub fn to_file(self, c2w: DMat4) -> DMat4 {
         let file = c2w * DMat4::from_mat3(self.matrix());

@@ -111,6 +111,13 @@ impl View {
             + mask(moving_union)
     }
 
+    /// The point that a pixel, by its index row by row, shows at a depth (camera z, scene units), and its colour.
+    pub fn point_at(&self, pixel: usize, depth: f64) -> ([f32; 3], [u8; 3]) {
+        let ray = self.intrinsics.ray((pixel % self.width) as f64 + 0.5, (pixel / self.width) as f64 + 0.5);
+        let position = self.c2w.transform_point3(ray * depth).as_vec3().to_array();
+        (position, [0, 1, 2].map(|channel| self.image.data[3 * pixel + channel]))
+    }
+
     /// A black photo by a camera at the world's origin that looks along z, with a focal length of one image width and
     /// its principal point in the middle; for tests.
     pub fn blank(width: usize, height: usize) -> Self {

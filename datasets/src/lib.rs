@@ -10,7 +10,8 @@
 //!
 //! Read are the transforms.json family (instant-ngp, nerfstudio, Blender/NeRF, D-NeRF, NVFi, and blurred sets with
 //! exposure, priors and truth), COLMAP models (text and binary), Panoptic sets, LLFF poses with frames of several
-//! cameras, tables of RealityScan, and the folders with a text for each camera that OmniVGGT takes.
+//! cameras, the multipleview layout of 4DGaussians, captures of Nerfies, tables of RealityScan, and the folders with a
+//! text for each camera that OmniVGGT takes.
 //!
 //! Four words have one meaning each. A *photo* is an image that a camera took. A *frame* is the description of one
 //! photo: its camera, time and files; a fisheye photo or a panorama has a frame for each pinhole view that is made of

@@ -11,7 +11,7 @@ use crate::error::DatasetError;
 use crate::raw::RawPoints;
 
 /// Colour of points without one: mid grey.
-const NO_COLOR: [u8; 3] = [128; 3];
+pub(crate) const NO_COLOR: [u8; 3] = [128; 3];
 
 /// The header with its first element, the vertices.
 struct Vertices {

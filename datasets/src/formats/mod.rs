@@ -37,7 +37,8 @@ pub(crate) enum Layout {
 /// Recognises the layout. JSON wins over a COLMAP model beside it: converters that write both (nerfstudio) put the
 /// poses that belong to their images into the JSON. For the same reason transforms.json wins over train_meta.json,
 /// which can be given as a file instead. Poses of LLFF with frames of several cameras win over a COLMAP model, which
-/// then is of one time only; with mere photos they are made from the model and lose to it.
+/// then is of one time only; with mere photos they are made from the model and lose to it. A model of cameras beside
+/// their frames, and a capture of Nerfies, win over a COLMAP model likewise.
 pub(crate) fn detect(path: &Path) -> Result<Layout, DatasetError> {
     let metadata = std::fs::metadata(path).map_err(|error| DatasetError::read(path, error))?;
     if let Some(files) = panoptic::find_named(path) {

@@ -25,6 +25,7 @@ use crate::formats::json::{self, Keys};
 use crate::lens::Lens;
 use crate::options::LoadOptions;
 use crate::order::natural;
+use crate::ply::NO_COLOR;
 use crate::priors::sources;
 use crate::raw::{RawFrame, RawPoints, RawScene, SplitName};
 use crate::scene::SceneFormat;
@@ -32,9 +33,6 @@ use crate::{names, pose};
 
 /// The lists of ids.
 const DATASET: &str = "dataset.json";
-
-/// Colour of points, which have none: mid grey.
-const NO_COLOR: [u8; 3] = [128; 3];
 
 /// A capture's folder.
 pub(crate) struct Captured {
@@ -73,7 +71,7 @@ pub(crate) fn read(
         let Some(name) = findings.take(names::output_name(&photos, id, &file))? else { continue };
         let camera_file = folder.join("camera").join(format!("{name}.json"));
         let Some(frame) = findings.take_posed(frame(&camera_file, name, image_path))? else { continue };
-        let (time, camera_id) = (said(id).time.map(|time| time / last), said(id).camera);
+        let Said { time, camera } = said(id);
         let split = match (train.contains(id), validation.contains(id)) {
             _ if train.is_empty() => None,
             (true, _) => Some(SplitName::Train),
@@ -81,7 +79,7 @@ pub(crate) fn read(
             // Listed for neither.
             (false, false) => continue,
         };
-        frames.push(RawFrame { time, camera_id, split, ..frame });
+        frames.push(RawFrame { time: time.map(|time| time / last), camera_id: camera, split, ..frame });
     }
     findings.warn_of(folder, &missing, ["photo", "does", "do"], |do_, names| {
         format!("{do_} not exist in {}; left out ({names})", photos.display())
@@ -93,7 +91,7 @@ pub(crate) fn read(
     Ok(RawScene { format: SceneFormat::Nerfies, frames, points })
 }
 
-/// What the metadata say of a photo.
+/// The metadata of a photo.
 struct Said {
     time: Option<f64>,
     camera: Option<String>,
@@ -125,9 +123,8 @@ fn frame(file: &Path, name: String, image_path: PathBuf) -> Result<RawFrame, Dat
         let found = json::numbers(value).filter(|numbers| numbers.len() == count);
         found.ok_or_else(|| keys.wrong(key, &counted(count, "number"), json::kind(value)))
     };
-    let number = |key: &str| keys.number(key);
-    let focal = number("focal_length")?.ok_or_else(|| keys.wrong("focal_length", "a number", "nothing".into()))?;
-    let aspect = number("pixel_aspect_ratio")?.unwrap_or(1.0);
+    let focal = keys.number("focal_length")?.ok_or_else(|| keys.wrong("focal_length", "a number", "nothing".into()))?;
+    let aspect = keys.number("pixel_aspect_ratio")?.unwrap_or(1.0);
     let (centre, size, position) = (numbers("principal_point", 2)?, numbers("image_size", 2)?, numbers("position", 3)?);
     let value = keys.get("orientation").unwrap_or(&Value::Null);
     let rows: [[f64; 3]; 3] =
@@ -139,7 +136,7 @@ fn frame(file: &Path, name: String, image_path: PathBuf) -> Result<RawFrame, Dat
     if keys.get("radial_distortion").is_some() {
         distortion.k[..3].copy_from_slice(&numbers("radial_distortion", 3)?);
     }
-    // Also written without the second syllable.
+    // Older captures have `tangential`.
     for key in ["tangential_distortion", "tangential"] {
         if keys.get(key).is_some() {
             distortion.p.copy_from_slice(&numbers(key, 2)?);

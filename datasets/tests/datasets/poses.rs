@@ -1,6 +1,6 @@
 //! Poses that are not rigid, and scenes far from their origin.
 
-use gs_datasets::{LoadOptions, load};
+use gs_datasets::{LoadOptions, load, load_cameras};
 use serde_json::{Value, json};
 
 use crate::fixtures::{all, cloud, move_camera, ring_scene};
@@ -137,10 +137,16 @@ fn a_mirrored_world_is_mirrored_back() {
             assert!(view.c2w.abs_diff_eq(sound.c2w, 1e-12), "{}", view.name);
         }
         if !flip_camera {
+            // Cameras for rendering are of the same world.
+            for (camera, sound) in load_cameras(folder.path()).expect("cameras").iter().zip(&sound.train) {
+                assert!(camera.c2w.abs_diff_eq(sound.c2w, 1e-12), "{}", camera.name);
+            }
             // One frame of the other hand is none of this file.
             mirrored["frames"][1] = top["frames"][1].clone();
             folder.write_json("transforms.json", &mirrored);
             folder.refused(&options, &["images/01.png", "reflection"]);
+            let mixed = load_cameras(folder.path()).expect_err("two hands").to_string();
+            assert!(mixed.contains("images/00.png") && mixed.contains("reflection"), "{mixed}");
         }
     }
 }

@@ -85,7 +85,10 @@ fn captures_of_nerfies_load() {
         [("focal_length", json!("x")), ("orientation", json!([[1, 0], [0, 1]])), ("position", json!([1]))]
     {
         let folder = nerfies();
-        folder.write_json("camera/a.json", &json!({ "focal_length": 5, "principal_point": [1, 1], "image_size": [2, 2], "position": [1, 2, 3], key: value }));
+        let camera = json!({
+            "focal_length": 5, "principal_point": [1, 1], "image_size": [2, 2], "position": [1, 2, 3], key: value,
+        });
+        folder.write_json("camera/a.json", &camera);
         folder.refused(&all(), &["a.json", key]);
     }
 }

@@ -5,7 +5,6 @@ use std::path::Path;
 use anyhow::{Result, ensure};
 use burn::module::Param;
 use burn::tensor::Device;
-use gs_base::counted;
 use gs_burn::Gaussians;
 use gs_train::config::FitConfig;
 use gs_train::fit::correction::Correction;
@@ -40,7 +39,7 @@ pub fn from_scene<M: Intake + Saved>(
          takes all",
         path.display()
     );
-    ensure!(count > 0, "{}: expected Gaussians to go on from, found {}", path.display(), counted(count, "Gaussian"));
+    ensure!(count > 0, "{}: expected Gaussians to go on from, found none", path.display());
     let at = Step { step: 0, config, facts: &data.facts, cues: &data.cues, room: None };
     let method = M::at_rest(&data.scene, &at, device).map_err(anyhow::Error::msg)?;
     // Both have their own origin subtracted.

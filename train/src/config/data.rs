@@ -144,8 +144,8 @@ section! {
         /// Frames a second of a video whose photos have no times: these are the numbers in their names over it. 0:
         /// none.
         fps: f64 = 0.0, in NOT_NEGATIVE;
-        /// Convention of the poses: "auto" is the format's own; else `c2w-` or `w2c-`, then `opencv`, `opengl` or three
-        /// axes, as in `c2w-right-down-forward`.
+        /// Convention of the poses: "auto" is the format's own, or what photos speak for; else `c2w-` or `w2c-`, then
+        /// `opencv`, `opengl` or three axes, as in `c2w-right-down-forward`.
         poses: String = AUTO.into(),
             in Only("auto, or as c2w-opencv, w2c-opengl, c2w-right-down-forward", is_convention);
         /// Factor on the first points' coordinates.

@@ -176,10 +176,9 @@ impl PhotoDepth {
     /// Adds the point of a pixel, with the photo's colour.
     fn push_point(&self, view: &View, pixel: usize, points: &mut PointCloud) {
         let Some(prior) = &self.0 else { return };
-        let ray = view.intrinsics.ray((pixel % view.width) as f64 + 0.5, (pixel / view.width) as f64 + 0.5);
-        let position = view.c2w.transform_point3(ray * f64::from(prior.values[pixel]));
-        points.positions.push(position.as_vec3().to_array());
-        points.colors.push([0, 1, 2].map(|channel| view.image.data[3 * pixel + channel]));
+        let (position, color) = view.point_at(pixel, f64::from(prior.values[pixel]));
+        points.positions.push(position);
+        points.colors.push(color);
     }
 
     /// Its numbers `[H, W, 1]` on the device of `like`, 0 where unknown, and their space, unless they are in scene

@@ -244,14 +244,12 @@ fn add_random(
         }
         let near = if is_plain(view, column, row) { random.plain_nearest } else { random.nearest };
         let depth = rng.random_range(near.ln()..far.ln()).exp();
-        let ray = view.intrinsics.ray(column as f64 + 0.5, row as f64 + 0.5);
-        let position = view.c2w.transform_point3(ray * depth).as_vec3();
-        if outlines.is_some_and(|outlines| !outlines.admit(position.to_array())) {
+        let (position, color) = view.point_at(row * view.width + column, depth);
+        if outlines.is_some_and(|outlines| !outlines.admit(position)) {
             continue;
         }
-        let pixel = (row * view.width + column) * 3;
-        points.positions.push(position.to_array());
-        points.colors.push([0, 1, 2].map(|c| view.image.data[pixel + c]));
+        points.positions.push(position);
+        points.colors.push(color);
     }
 }
 

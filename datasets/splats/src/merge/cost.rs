@@ -1,4 +1,5 @@
-//! What a merged pair, or a Gaussian that is left out, changes in the photos: a sum of squared colours over pixels.
+//! The cost of a merged pair, or of a Gaussian that is left out: the squared change of the photos' colours, summed over
+//! pixels.
 //!
 //! In the photos a Gaussian is `h g(x)`, `h = contribution / A`. With `m` in place of `a` and `b`, whose colours differ
 //! by `D`, and `w_a + w_b = 1`:

@@ -17,11 +17,12 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DMat3, DQuat, DVec3, Quat, Vec3};
+use glam::{DMat3, DQuat, DVec3, Vec3};
 use gs_base::eigen::diagonalise;
 
 use crate::Splats;
-use crate::splats::{ALPHA_LEAST, sigmoid, unit_xyzw};
+use crate::splats::{ALPHA_LEAST, sigmoid, unit};
+use crate::turn::quaternion;
 
 /// Logarithms of scales are taken for at most this, and at least minus this: `e^30` units are no scene, and products of
 /// four variances of that size are still numbers.
@@ -30,7 +31,7 @@ const LOG_SCALE_MAX: f32 = 30.0;
 /// Sweeps until a matrix of three rows is diagonal to the last digit.
 const SWEEPS: usize = 8;
 
-/// What merging needs of a Gaussian.
+/// A Gaussian as merging sees it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shape {
     /// Scene units.
@@ -48,7 +49,8 @@ pub(super) struct Shape {
 impl Shape {
     /// The Gaussian `row`, whose values are finite.
     pub fn of(splats: &Splats, row: usize, contribution: f64) -> Self {
-        let rotation = DMat3::from_quat(Quat::from_array(unit_xyzw(splats.quats[row])).as_dquat().normalize());
+        let [w, x, y, z] = unit(splats.quats[row]);
+        let rotation = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w));
         let variance = |log: f32| f64::from(2.0 * log.clamp(-LOG_SCALE_MAX, LOG_SCALE_MAX)).exp();
         let variances = DMat3::from_diagonal(DVec3::from(splats.log_scales[row].map(variance)));
         let covariance = rotation * variances * rotation.transpose();
@@ -117,7 +119,7 @@ impl Shape {
         if rotation.determinant() < 0.0 {
             rotation.z_axis = -rotation.z_axis;
         }
-        let q = DQuat::from_mat3(&rotation).normalize();
+        let q = quaternion(rotation);
         let log_scale = |k: usize| (0.5 * matrix[k][k].max(f64::MIN_POSITIVE).ln()) as f32;
         let limited = |log: f32| log.clamp(-LOG_SCALE_MAX, LOG_SCALE_MAX);
         ([q.w, q.x, q.y, q.z].map(|x| x as f32), [0, 1, 2].map(|k| limited(log_scale(k))))

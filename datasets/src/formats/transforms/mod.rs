@@ -12,6 +12,7 @@ use gs_base::{clause, counted};
 use serde_json::{Map, Value};
 
 use self::frames::Entry;
+use crate::convention::PoseConvention;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::folder::{folder_of, has_extension};
@@ -22,7 +23,7 @@ use crate::names::some_names;
 use crate::options::LoadOptions;
 use crate::raw::{RawFrame, RawPoints, RawScene, SplitName};
 use crate::scene::{SceneFormat, Split};
-use crate::{pixels, ply};
+use crate::{pixels, ply, pose};
 
 /// The JSON files of a scene, each with the split that it lists.
 pub(crate) struct Sources {
@@ -112,6 +113,14 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError>
     let mut findings = Findings::default();
     let entries = frames::read(&top, &file, &mut findings)?;
     findings.settle_poses(0)?;
+    // Of one file, all cameras are of one hand.
+    let mirrored = entries.iter().position(|entry| entry.c2w.determinant() < 0.0);
+    if let Some(index) = mirrored
+        && entries.iter().any(|entry| entry.c2w.determinant() > 0.0)
+    {
+        let name = entries[index].file_path.clone().unwrap_or_else(|| format!("{index:05}"));
+        return Err(pose::reflection(&file, &name));
+    }
     if entries.is_empty() {
         return Err(DatasetError::NoFrames { path: file, found: "an empty list of frames".to_string() });
     }
@@ -140,7 +149,7 @@ fn camera(index: usize, entry: &Entry, root: &Path, file: &Path) -> Result<Camer
     };
     Ok(CameraPose {
         name,
-        c2w: entry.c2w,
+        c2w: PoseConvention::of(SceneFormat::Transforms).unmirrored(entry.c2w),
         intrinsics: entry.lens.pinhole(declared, file)?,
         width: declared.0 as usize,
         height: declared.1 as usize,

@@ -118,12 +118,10 @@ fn prior_points(scene: &Scene, cues: &Cues) -> PointCloud {
             if *weight < LEAST_WEIGHT {
                 continue;
             }
-            let (x, y) = ((pixel % view.width) as f64 + 0.5, (pixel / view.width) as f64 + 0.5);
-            let position = view.c2w.transform_point3(view.intrinsics.ray(x, y) * f64::from(*depth)).as_vec3();
-            if position.is_finite() {
-                points.positions.push(position.to_array());
-                let color = &view.image.data[3 * pixel..3 * pixel + 3];
-                points.colors.push([color[0], color[1], color[2]]);
+            let (position, color) = view.point_at(pixel, f64::from(*depth));
+            if position.iter().all(|x| x.is_finite()) {
+                points.positions.push(position);
+                points.colors.push(color);
             }
         }
     }

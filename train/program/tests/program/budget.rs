@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// The folder of a crate, and its most lines of source: without tests, and without crates inside it.
 const SOURCE_LINES: [(&str, usize); 14] = [
     ("configs", 100),
-    ("datasets", 12_330),
+    ("datasets", 12_340),
     ("datasets/base", 1_150),
     ("datasets/driving", 6_645),
     ("datasets/multiview", 4_745),

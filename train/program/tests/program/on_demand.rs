@@ -3,8 +3,6 @@
 use std::fs;
 use std::path::Path;
 
-use gs_worlds::still::{self, StillOptions};
-
 use crate::common;
 
 /// The finished scene and its figures of runs with all photos in memory and with none; photos have half their width in
@@ -26,17 +24,7 @@ fn assert_same_bits(folder: &Path, scene: &Path, more: &[&str]) {
 fn photos_that_are_decoded_when_asked_for_train_the_same_bits() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
-    let scene = folder.join("scene");
-    let options = StillOptions {
-        train_views: 5,
-        test_views: 2,
-        width: 400,
-        height: 60,
-        points: common::POINTS,
-        seed: 1,
-        ..StillOptions::default()
-    };
-    still::write(&scene, &options, |_, _| ()).expect("the scene is written");
+    let scene = common::still_scene(folder, (400, 60));
     assert_same_bits(folder, &scene, &["init.dense_share=0.9", "density.cap=400", "density.prune_share=0.01"]);
 }
 

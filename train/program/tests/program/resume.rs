@@ -5,7 +5,6 @@ use crate::common;
 use std::path::Path;
 
 use gs_train::run::watch::Job;
-use gs_worlds::still::{self, StillOptions};
 
 /// Density changes at 20, 30, 40 and SH degrees at 13, 26, 39 fall before and after the interruptions.
 const OVERRIDES: [&str; 6] = [
@@ -60,17 +59,7 @@ fn relocation_resumes_to_the_same_bits() {
 #[test]
 fn measures_that_follow_the_run_resume_to_the_same_bits() {
     let folder = tempfile::tempdir().expect("a folder");
-    let scene = folder.path().join("scene");
-    let options = StillOptions {
-        train_views: 5,
-        test_views: 2,
-        width: 400,
-        height: 60,
-        points: common::POINTS,
-        seed: 1,
-        ..StillOptions::default()
-    };
-    still::write(&scene, &options, |_, _| ()).expect("the scene is written");
+    let scene = common::still_scene(folder.path(), (400, 60));
     let keys = ["data.coarse_share=0.5", "density.mcmc.full=0.45", "density.mcmc.growth=0.5", "init.dense_share=0.9"];
     resumes_on(folder.path(), &scene, &keys, &[11, 25, 26, 31]);
 }

@@ -1,4 +1,4 @@
-//! What a static training starts from beside points: depth priors, a finished scene.
+//! The starts of a static training beside points: depth priors, a finished scene.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -50,12 +50,17 @@ pub fn named(backend: &str) -> Device {
 
 /// Writes the tiny scene into `folder` and returns its path.
 pub fn tiny_scene(folder: &Path) -> PathBuf {
+    still_scene(folder, (40, 30))
+}
+
+/// The tiny scene in photos of another size.
+pub fn still_scene(folder: &Path, (width, height): (usize, usize)) -> PathBuf {
     let path = folder.join("scene");
     let options = StillOptions {
         train_views: 5,
         test_views: 2,
-        width: 40,
-        height: 30,
+        width,
+        height,
         points: POINTS,
         seed: 1,
         ..StillOptions::default()
