@@ -61,6 +61,7 @@ pub const RECIPES: [Recipe; 52] = [
     recipe!("static/demo"),
     recipe!("static/fox"),
     recipe!("static/lund-door"),
+    recipe!("static/shake"),
     recipe!("taylormode/ablations/no-decoupling"),
     recipe!("taylormode/ablations/no-peano"),
     recipe!("taylormode/ablations/no-pseudo"),

@@ -27,6 +27,7 @@ struct Readme;
 
 pub mod basis;
 pub mod bits;
+pub mod camera_path;
 pub mod depth_prior;
 pub mod flux4d;
 pub mod light;

@@ -61,7 +61,7 @@ pub(crate) struct Exposure {
 }
 
 /// The images of one frame, row by row from the top left.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Shot {
     /// `[height, width, 3]`, encoded: the exposure's centre.
     pub sharp: Vec<u8>,
@@ -160,6 +160,24 @@ pub(crate) fn film(scene: &Scene, camera: &Camera, exposures: &[Exposure], order
         shot
     };
     (0..exposures.len()).map(shot).collect()
+}
+
+/// A photo of `exposure` by a camera that is at `path` at its sub-frames, `[height, width, 3]`, encoded.
+pub(crate) fn shaken(scene: &Scene, path: &[Camera], exposure: &Exposure, order: Order) -> Vec<u8> {
+    let camera = &path[0];
+    let offset = |sub: usize| (sub as f64 + 0.5) / SIDE as f64;
+    let pixel = |x: usize, y: usize| {
+        let seen = path.iter().zip(&exposure.open).enumerate().map(|(k, (camera, bodies))| {
+            let (position, share) = order.ray(k % RAYS);
+            let ray = camera.ray(x as f64 + offset(position % SIDE), y as f64 + offset(position / SIDE));
+            let point = scene.still(&ray, Lit::share(share));
+            let sample = scene.sample(&ray, &point, bodies);
+            (sample.body.is_some() || point.is_met() || scene.has_sky).then_some(sample.color)
+        });
+        mean(seen).0
+    };
+    let row = |y: usize| (0..camera.width).flat_map(move |x| pixel(x, y)).collect::<Vec<u8>>();
+    (0..camera.height).into_par_iter().flat_map_iter(row).collect()
 }
 
 /// The rays of a pixel and the points that they meet without moving bodies.

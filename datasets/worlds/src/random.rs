@@ -18,6 +18,8 @@ pub(crate) enum Draws {
     Scene,
     Rig,
     Points,
+    /// The shake of photo `.0`.
+    Shake(u64),
     /// Faults of prior `.0`.
     Prior(u64),
 }
@@ -30,6 +32,7 @@ impl Draws {
             Self::Rig => 1,
             Self::Points => 2,
             Self::Prior(index) => 16 + index,
+            Self::Shake(index) => 1 << 40 | index,
         });
         rng
     }

@@ -4,6 +4,7 @@
 //! `gs_tests::tolerance`.
 #![recursion_limit = "256"]
 
+mod camera_path;
 mod depth_prior;
 mod flux4d;
 mod light;

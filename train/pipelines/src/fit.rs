@@ -27,7 +27,7 @@ use gs_train::fit::preflight::{
 };
 use gs_train::fit::saved::Saved;
 use gs_train::fit::session::{Data, Session, Stepped};
-use gs_train::fit::snapshot::{Notes, Snapshot, read_correction, read_gaussians, read_method, restore};
+use gs_train::fit::snapshot::{Notes, Snapshot, read_cameras, read_correction, read_gaussians, read_method, restore};
 use gs_train::fit::timetable::Timetable;
 use gs_train::fit::told::{ChartKey, Introduction, Told};
 use gs_train::fit::trainer::{Model, Trainer};
@@ -486,7 +486,8 @@ pub fn read_model<M: SceneMethod>(
         let gaussians = read_gaussians(checkpoint, device)?;
         let method = read_method::<M>(checkpoint, gaussians.len(), &config, device)?;
         let correction = read_correction(checkpoint, device)?;
-        Ok((Model { gaussians, correction, method }, Notes::read(checkpoint)?))
+        let cameras = read_cameras(checkpoint, device)?;
+        Ok((Model { gaussians, correction, cameras, method }, Notes::read(checkpoint)?))
     };
     let (model, notes) = read().map_err(|found| checkpoint.damaged(found))?;
     Ok((model, config, notes))

@@ -7,6 +7,7 @@ use burn::module::Param;
 use burn::tensor::Device;
 use gs_burn::Gaussians;
 use gs_train::config::FitConfig;
+use gs_train::fit::camera_paths::CameraPaths;
 use gs_train::fit::correction::Correction;
 use gs_train::fit::density::ops::Draft;
 use gs_train::fit::intake::Intake;
@@ -46,7 +47,8 @@ pub fn from_scene<M: Intake + Saved>(
     let placed = translated(&loaded.gaussians, loaded.origin - data.scene.origin);
     let gaussians = cut(placed, config.model.sh_degree);
     let correction = Correction::begin(&data.scene.train, &Draft::read(&gaussians).means, &config.correction, device);
-    Ok(Some(Trainer::from_model(Model { gaussians, correction, method }, data.facts, config)))
+    let cameras = CameraPaths::begin(&data.scene.train, config, device);
+    Ok(Some(Trainer::from_model(Model { gaussians, correction, cameras, method }, data.facts, config)))
 }
 
 /// The Gaussians with harmonics up to `degree` only.

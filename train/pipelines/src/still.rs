@@ -2,8 +2,9 @@
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
-use gs_burn::{Extras, Gaussians, RenderOptions, render_with};
+use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
 use gs_datasets::{LoadOptions, PriorUse, Scene, View, surveyed};
+use gs_models::light::Mixing;
 
 use gs_train::config::{FitConfig, NOT_NEGATIVE, Section};
 use gs_train::fit::coarse::dilation;
@@ -69,18 +70,35 @@ impl Method for Still {
         let eps2d = dilation(options.eps2d, photo.pixel);
         let options = RenderOptions { eps2d, depth: photo.extra.is_known(), ..options };
         let extras = Extras { screen: screens.first().cloned(), features: None, room: at.pair_room() };
-        let rendering = render_with(gaussians, &photo.camera, &options, extras);
-        let image = photo.taken(rendering.color.clone());
+        let still = std::slice::from_ref(&photo.camera);
+        let cameras = if photo.poses.is_empty() { still } else { &photo.poses };
+        let renderings: Vec<Rendering> =
+            cameras.iter().map(|camera| render_with(gaussians, camera, &options, extras.clone())).collect();
+        let rendering = &renderings[cameras.len() / 2];
+        let image = photo.taken(mean_of_light(&renderings));
         let loss = photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
-        let of_depth = photo.extra.misfit(&rendering).map(|misfit| misfit * at.config.method.depth.weight);
+        let of_depth = photo.extra.misfit(rendering).map(|misfit| misfit * at.config.method.depth.weight);
         Forward {
             loss: of_depth.map_or(loss.clone(), |term| loss + term),
-            drawn: vec![Drawn::of(&rendering, screens.first())],
+            drawn: vec![Drawn {
+                intersections: renderings.iter().map(|rendering| rendering.intersections.clone()).collect(),
+                ..Drawn::of(rendering, screens.first())
+            }],
             images: vec![image],
             notes: Vec::new(),
             remainder: None,
         }
     }
+}
+
+/// The mean light of some renderings, encoded.
+fn mean_of_light(renderings: &[Rendering]) -> Tensor<3> {
+    let mut colors = renderings.iter().map(|rendering| rendering.color.clone());
+    if renderings.len() == 1 {
+        return colors.next().expect("one");
+    }
+    let light = colors.map(|color| Mixing::Linear.decode(color)).reduce(|sum, light| sum + light);
+    Mixing::Linear.encode(light.expect("at least one") / renderings.len() as f64)
 }
 
 impl Intake for Still {

@@ -5,6 +5,7 @@
 //! beside it, and a key that neither has keeps the pipeline's default. `--set density.cap=50000` overrides one value. A
 //! key that does not exist is an error that names the nearest one.
 
+mod camera;
 mod correction;
 mod data;
 mod declare;
@@ -30,6 +31,7 @@ use toml::{Table, Value};
 
 use crate::section;
 
+pub use camera::CameraConfig;
 pub use correction::{CorrectionConfig, CorrectionMode, CorrectionPer};
 pub use data::{Auto, Background, DataConfig, DepthChoice, HoldoutChoice, MaskChoice, PriorKind};
 pub use declare::{Declared, Key, check_key, word};
@@ -67,6 +69,8 @@ section! {
         loss: LossConfig;
         /// Exposure and white balance of the photos.
         correction: CorrectionConfig;
+        /// Poses that are learned.
+        camera: CameraConfig;
         /// Learning rates.
         optimiser: OptimiserConfig;
         /// Adding, relocating and removing Gaussians.
@@ -112,12 +116,14 @@ pub trait Section:
 }
 
 /// Checks what a pipeline of moving scenes cannot do: photos at a reduced width, because its other data of a photo are
-/// not reduced with it, and a begin from a scene, which says nothing of the motion.
+/// not reduced with it; a begin from a scene, which says nothing of the motion; and cameras that move or are corrected.
 ///
 /// # Errors
 /// The first value that asks for it.
 pub fn of_moving_scenes(shared: &Config) -> Result<(), ConfigError> {
-    let (share, scene) = (shared.data.coarse_share, &shared.init.scene);
+    let (share, scene, camera) = (shared.data.coarse_share, &shared.init.scene, &shared.camera);
+    check("camera.motion", camera.motion, camera.motion == 0, "0 in a pipeline of moving scenes")?;
+    check("camera.refine", camera.refine, !camera.refine, "false in a pipeline of moving scenes")?;
     check("data.coarse_share", share, share == 0.0, "0 in a pipeline of moving scenes")?;
     check("init.scene", format!("{scene:?}"), scene.is_empty(), "\"\" in a pipeline of moving scenes")
 }

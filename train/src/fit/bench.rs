@@ -17,7 +17,17 @@ pub type Steps = Box<dyn FnMut()>;
 /// A photo that is the scene's rendering with less contrast.
 pub fn photo_of<X>(gaussians: &Gaussians, camera: &Camera, extra: X) -> Photo<X> {
     let image = render(gaussians, camera, &RenderOptions::default()).color * 0.5 + 0.25;
-    Photo { camera: camera.clone(), image, mask: None, time: 0.0, pixel: 1.0, index: 0, color: None, extra }
+    Photo {
+        camera: camera.clone(),
+        image,
+        mask: None,
+        time: 0.0,
+        pixel: 1.0,
+        index: 0,
+        color: None,
+        poses: Vec::new(),
+        extra,
+    }
 }
 
 /// The middle of a run whose density control keeps the count.

@@ -70,6 +70,11 @@ impl SceneFacts {
         Self { extent: 1.0, near, background: config.data.background.color(), subject_distance: None, pixel: None }
     }
 
+    /// The unit of cameras' translations, scene units: the subject's distance, or the extent where none is known.
+    pub fn distance(&self) -> f64 {
+        self.subject_distance.unwrap_or(self.extent)
+    }
+
     /// The options of a rendering at an SH degree.
     pub fn render_options(&self, config: &RenderConfig, sh_degree: usize) -> RenderOptions {
         RenderOptions {
@@ -97,7 +102,7 @@ impl SceneFacts {
 }
 
 /// The median focal length of photos, pixels; `None` without a photo.
-fn focal(views: &[View]) -> Option<f64> {
+pub(super) fn focal(views: &[View]) -> Option<f64> {
     gs_base::median(views.iter().map(|view| view.intrinsics.fx).collect())
 }
 

@@ -22,8 +22,10 @@
 //! | [`snapshot`] | the state as named tensors, for checkpoints |
 //! | [`bench`](mod@bench) | steps without a data set, for `gsburn bench` |
 
+pub mod align;
 pub mod bench;
 pub mod budget;
+pub mod camera_paths;
 pub mod coarse;
 pub mod correction;
 pub mod density;

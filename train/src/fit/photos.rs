@@ -29,6 +29,8 @@ pub struct Photo<X> {
     pub index: usize,
     /// The change of a rendering's colours to the photo's; `None`: none.
     pub color: Option<ColorChange>,
+    /// The camera at the instants of the photo's exposure, in order; empty: as `camera` says all the time.
+    pub poses: Vec<Camera>,
     /// The method's data.
     pub extra: X,
 }
@@ -164,6 +166,7 @@ impl<'a, X: Extra> Photos<'a, X> {
             pixel: self.pixel,
             index,
             color: None,
+            poses: Vec::new(),
             extra: (self.extra)(view, index, device),
         }
     }

@@ -36,6 +36,8 @@ pub enum Purpose {
     Polish = 12,
     /// The colours of a snippet in a step.
     Colors = 13,
+    /// The first paths of the cameras during their exposures.
+    Shake = 14,
 }
 
 /// The generator for `purpose` at `index` (a step or an epoch, below 2^56).

@@ -8,6 +8,7 @@ use gs_burn::adam::{Adam, Moments};
 use gs_burn::{Gaussians, NamedParameter, named_parameters, try_map_parameters};
 use serde::{Deserialize, Serialize};
 
+use super::camera_paths::{CameraPaths, PathFrame};
 use super::correction::{Correction, CorrectionFrame};
 use super::density::{Adaptive, Density};
 use super::facts::SceneFacts;
@@ -87,6 +88,9 @@ pub struct Notes {
     /// The structure of the photos' corrections, if there are any.
     #[serde(default)]
     correction: Option<CorrectionFrame>,
+    /// The structure of the cameras' paths, if they are learned.
+    #[serde(default)]
+    cameras: Option<PathFrame>,
     /// The method's frame.
     #[serde(default)]
     pub frame: serde_json::Value,
@@ -192,6 +196,7 @@ impl Snapshot {
             counters: Counters::of(trainer),
             facts: FactBits::of(&trainer.facts),
             correction: trainer.model().correction.as_ref().map(Correction::frame),
+            cameras: trainer.model().cameras.as_ref().map(CameraPaths::frame),
             frame: trainer.method().frame(),
         };
         Self { columns, notes: serde_json::to_value(notes).expect("notes are JSON") }
@@ -258,6 +263,16 @@ pub fn read_correction(source: &dyn Source, device: &Device) -> Result<Option<Co
     read_module(source, "correction.", shell, |found, own| found == own, device).map(Some)
 }
 
+/// The poses of the cameras, on `device` (without autodiff); `None` if they are as given.
+///
+/// # Errors
+/// A sentence if a tensor is missing or damaged.
+pub fn read_cameras(source: &dyn Source, device: &Device) -> Result<Option<CameraPaths>, String> {
+    let Some(frame) = Notes::read(source)?.cameras else { return Ok(None) };
+    let shell = CameraPaths::of_frame(&frame, device);
+    read_module(source, "cameras.", shell, |found, own| found == own, device).map(Some)
+}
+
 /// The module whose parameters have `prefix` before their paths: `shell` with the values of the file. `fits` compares
 /// the shape in the file with that in the shell.
 ///
@@ -309,7 +324,8 @@ pub fn restore<M: Saved>(
     let rows = gaussians.len();
     let method = read_method::<M>(source, rows, config, device)?;
     let correction = read_correction(source, device)?;
-    let training = read_training(source, Model { gaussians, correction, method }, device)?;
+    let cameras = read_cameras(source, device)?;
+    let training = read_training(source, Model { gaussians, correction, cameras, method }, device)?;
     let mut trainer = Trainer::from_training(training, Notes::read(source)?.facts(), config);
     if config.density.strategy == Strategy::Default {
         let statistic = |name: &str| -> Result<Tensor<1>, String> {

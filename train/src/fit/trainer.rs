@@ -12,6 +12,7 @@ use gs_burn::{Gaussians, NamedGradients, RowMap, profile};
 use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
 
+use super::camera_paths::CameraPaths;
 use super::correction::Correction;
 use super::density::prune::{contributions, prune_by_contribution};
 use super::density::{Changes, Density, Observation, StepContext};
@@ -25,13 +26,15 @@ use super::schedule::{exponential, rate_factor, sh_degree};
 use super::training::Training;
 use crate::config::{Config, FitConfig, OptimiserConfig};
 
-/// All that is learned, as one module tree: paths begin with `gaussians.`, `correction.` and `method.`.
+/// All that is learned, as one module tree: paths begin with `gaussians.`, `correction.`, `cameras.` and `method.`.
 #[derive(Module, Debug)]
 pub struct Model<M: Module + ModuleDisplay> {
     /// The Gaussians.
     pub gaussians: Gaussians,
     /// Exposure and white balance of the photos, if they are learned.
     pub correction: Option<Correction>,
+    /// Poses of the photos' cameras, if they are learned.
+    pub cameras: Option<CameraPaths>,
     /// The method's module.
     pub method: M,
 }
@@ -39,14 +42,21 @@ pub struct Model<M: Module + ModuleDisplay> {
 impl<M: Module + ModuleDisplay> Model<M> {
     /// A model whose photos agree in exposure and white balance.
     pub fn uncorrected(gaussians: Gaussians, method: M) -> Self {
-        Self { gaussians, correction: None, method }
+        Self { gaussians, correction: None, cameras: None, method }
     }
 
-    /// Some photos of `views` with the changes of their colours, in this model's graph.
-    fn taken<'a, X: Clone>(&self, photos: &'a [Photo<X>], views: &[View]) -> Cow<'a, [Photo<X>]> {
-        let Some(correction) = &self.correction else { return Cow::Borrowed(photos) };
-        let colored = |photo: &Photo<X>| Photo { color: correction.of(&views[photo.index]), ..photo.clone() };
-        Cow::Owned(photos.iter().map(colored).collect())
+    /// Some photos of `views` with the changes of their colours and the poses of their cameras, in this model's graph.
+    fn taken<'a, X: Clone>(&self, photos: &'a [Photo<X>], views: &[View], facts: &SceneFacts) -> Cow<'a, [Photo<X>]> {
+        if self.correction.is_none() && self.cameras.is_none() {
+            return Cow::Borrowed(photos);
+        }
+        let taken = |photo: &Photo<X>| {
+            let view = &views[photo.index];
+            let color = self.correction.as_ref().and_then(|it| it.of(view));
+            let poses = self.cameras.as_ref().map(|it| it.cameras(view, &photo.camera, facts));
+            Photo { color, poses: poses.unwrap_or_default(), ..photo.clone() }
+        };
+        Cow::Owned(photos.iter().map(taken).collect())
     }
 }
 
@@ -121,7 +131,8 @@ impl<M: Method> Trainer<M> {
     ) -> Self {
         let (initial, method) = M::begin(scene, &Step { step: 0, config, facts: &facts, cues, room: None }, device);
         let correction = Correction::begin(&scene.train, &initial.means, &config.correction, device);
-        Self::from_model(Model { gaussians: first(&initial, device), correction, method }, facts, config)
+        let cameras = CameraPaths::begin(&scene.train, config, device);
+        Self::from_model(Model { gaussians: first(&initial, device), correction, cameras, method }, facts, config)
     }
 
     /// The state before the first step of a training that starts from `model`.
@@ -228,7 +239,7 @@ impl<M: Method> Trainer<M> {
         let screen = |zeros: &Tensor<2>| zeros.clone().autodiff().require_grad();
         let screens: Vec<Tensor<2>> = photos.iter().filter_map(|_| self.zeros.as_ref().map(screen)).collect();
         let Forward { images, loss, drawn, notes, remainder } =
-            tracked.method.forward(&tracked.gaussians, &tracked.taken(photos, views), &screens, at);
+            tracked.method.forward(&tracked.gaussians, &tracked.taken(photos, views, at.facts), &screens, at);
         let fixed = config.density.rests_by(self.step, config.steps);
         let loss = regularised(loss, &tracked.gaussians, self.facts.extent, fixed, &config.loss);
         let loss = tracked.correction.as_ref().map_or(loss.clone(), |it| loss + it.size() * config.correction.weight);
@@ -272,12 +283,13 @@ impl<M: Method> Trainer<M> {
     fn update(&mut self, mut gradients: NamedGradients, at: &Step<M>) {
         let _stage = profile::whole_stage("Adam");
         let rate = gaussian_rates(&at.config.optimiser, at.step, at.config.steps, at.facts);
-        self.training.change(|Model { gaussians, correction, method }, adam| {
+        self.training.change(|Model { gaussians, correction, cameras, method }, adam| {
             adam.advance();
             let gaussians = adam.update_under("gaussians", gaussians, &mut gradients, rate);
             let correction = correction.map(|it| it.updated(&mut gradients, adam, at.config, at.step));
+            let cameras = cameras.map(|it| it.updated(&mut gradients, adam, at.config, at.step));
             let method = method.update(&gaussians, &mut gradients, adam, at);
-            Model { gaussians, correction, method }
+            Model { gaussians, correction, cameras, method }
         });
     }
 
@@ -294,10 +306,10 @@ impl<M: Method> Trainer<M> {
             control: M::control(self.step, config),
         };
         let mut changes = Changes::default();
-        self.training.change(|Model { mut gaussians, correction, method }, adam| {
+        self.training.change(|Model { mut gaussians, method, correction, cameras }, adam| {
             let refinement = self.density.after_step(&mut gaussians, adam, observations, &config.density, &context);
             changes = refinement.changes;
-            Model { gaussians, correction, method: follow(method, refinement.rows.as_ref(), adam) }
+            Model { gaussians, correction, cameras, method: follow(method, refinement.rows.as_ref(), adam) }
         });
         changes
     }
@@ -307,9 +319,9 @@ impl<M: Method> Trainer<M> {
         if at.config.density.prune_share > 0.0 && at.config.density.rests_at(at.step, at.config.steps) {
             self.prune(views, at.config);
         }
-        self.training.change(|Model { mut gaussians, correction, method }, adam| {
+        self.training.change(|Model { mut gaussians, method, correction, cameras }, adam| {
             let method = method.after_step(&mut gaussians, adam, views, at);
-            Model { gaussians, correction, method }
+            Model { gaussians, correction, cameras, method }
         });
     }
 
@@ -318,13 +330,13 @@ impl<M: Method> Trainer<M> {
         let options = SceneFacts { background: [0.0; 3], ..self.facts }.render_options(&config.render, 0);
         let contributions = contributions(&*self.scene(), views, &options, config.seed);
         let (before, share) = (self.gaussians().len(), config.density.prune_share);
-        self.training.change(|Model { mut gaussians, correction, method }, adam| {
+        self.training.change(|Model { mut gaussians, method, correction, cameras }, adam| {
             let rows = prune_by_contribution(&mut gaussians, adam, &contributions, share);
             if rows.is_some() {
                 // Its statistics are of the rows before, and are not used any more.
                 self.density = Density::new(&config.density, &gaussians);
             }
-            Model { gaussians, correction, method: follow(method, rows.as_ref(), adam) }
+            Model { gaussians, correction, cameras, method: follow(method, rows.as_ref(), adam) }
         });
         tracing::info!(
             before,
@@ -339,12 +351,12 @@ impl<M: Method> Trainer<M> {
     fn raise_sh_degree(&mut self, config: &Config) {
         let degree = sh_degree(self.step, config.model.sh_interval, config.model.sh_degree, config.steps);
         if degree > self.gaussians().sh_degree() {
-            self.change(|Model { mut gaussians, correction, method }, adam| {
+            self.change(|Model { mut gaussians, method, correction, cameras }, adam| {
                 let columns = Group::Sh.columns(degree);
                 let sh = widen(gaussians.group(Group::Sh), columns);
                 gaussians.set(Group::Sh, sh);
                 adam.widen(Group::Sh.path(), columns);
-                Model { gaussians, correction, method }
+                Model { gaussians, correction, cameras, method }
             });
         }
     }

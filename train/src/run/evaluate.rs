@@ -5,11 +5,13 @@ use std::borrow::Cow;
 use burn::tensor::{Device, Tensor};
 use gs_burn::Gaussians;
 use gs_datasets::{Scene, View};
+use gs_models::DynamicScene;
 
 use super::measured::{Measured, ModelSize, Quality, Scores, ViewScores};
 use super::metrics::color_fit::psnr_after_color_fit;
 use super::metrics::{self, Perceptual, ms_ssim, mse_of_psnr, psnr, psnr_masked, psnr_of_mse, ssim, ssim_masked};
 use crate::config::EvalConfig;
+use crate::fit::align::aligned;
 use crate::fit::correction::Correction;
 use crate::fit::figure::{Better, Figure};
 use crate::fit::method::Step;
@@ -116,9 +118,10 @@ impl Evaluator {
         kept: usize,
     ) -> (Measured, Vec<Comparison>) {
         release_freed_memory();
-        let (quality, fitted, comparisons) = self.quality(model, scene, held_out, at, kept);
+        let (quality, Further { fitted, aligned }, comparisons) = self.quality(model, scene, held_out, at, kept);
         let (method, gaussians) = (&model.method, &model.gaussians);
         let mut figures = method.figures(gaussians, scene, held_out.views, at);
+        figures.numbers.extend(of_poses(&aligned));
         figures.numbers.extend(model.correction.iter().flat_map(|it| of_correction(it, &fitted)));
         let measured = Measured {
             split: held_out.split.into(),
@@ -137,13 +140,13 @@ impl Evaluator {
         held_out: &HeldOut,
         at: &Step<M>,
         kept: usize,
-    ) -> (Quality, Vec<f64>, Vec<Comparison>) {
+    ) -> (Quality, Further, Vec<Comparison>) {
         let (scene, blur) = (model.method.scene(model.gaussians.clone()), M::blur());
         let views = held_out.views;
         let keep_every = views.len().div_ceil(kept.clamp(1, views.len().max(1))).max(1);
         let mut photos = Photos::plain(views, &self.device);
         let (mut scores, mut comparisons, mut compared) = (Vec::new(), Vec::new(), Compared::Sharp);
-        let (mut fitted, mut has_truth) = (Vec::new(), false);
+        let (mut further, mut has_truth) = (Further::default(), false);
         for together in by_time(views).chunks(TIMES_AT_ONCE) {
             let times: Vec<f64> = together.iter().map(|(time, _)| *time).collect();
             let mut shared: Option<Vec<Gaussians>> = None;
@@ -174,7 +177,10 @@ impl Evaluator {
                     };
                     if model.correction.is_some() {
                         let (image, truth) = (image.clone(), photo.image.clone());
-                        fitted.extend(psnr_after_color_fit(image, truth, photo.mask.clone()));
+                        further.fitted.extend(psnr_after_color_fit(image, truth, photo.mask.clone()));
+                    }
+                    if model.cameras.is_some() {
+                        further.aligned.extend(self.aligned(&*scene, &photo, view, at));
                     }
                     let regions = held_out.regions_of(index, &shown);
                     let regions = regions.iter().filter_map(|region| {
@@ -195,7 +201,22 @@ impl Evaluator {
         let comparisons = comparisons.into_iter().map(|(_, comparison)| comparison).collect();
         let summary = self.summary(scores, described_comparison(compared, has_truth));
         let regions_inferred = !summary.regions.is_empty() && held_out.has_inferred();
-        (Quality { regions_inferred, ..summary }, fitted, comparisons)
+        (Quality { regions_inferred, ..summary }, further, comparisons)
+    }
+
+    /// The scores of a view from the pose that its photo speaks for; `None` where no pixel counts.
+    fn aligned<M: Told>(
+        &self,
+        scene: &dyn DynamicScene,
+        photo: &Photo<()>,
+        view: &View,
+        at: &Step<M>,
+    ) -> Option<Scores> {
+        let gaussians = scene.at(view.time.unwrap_or(0.0));
+        let options = at.facts.render_options(&at.config.render, gaussians.sh_degree());
+        let camera = aligned(&gaussians, photo, &options, at.facts.distance());
+        let image = photo.taken(gs_burn::render(&gaussians, &camera, &options).color).clamp(0.0, 1.0);
+        self.scores(image, photo.image.clone(), photo.mask.clone())
     }
 
     fn comparison(&self, view: &View, photo: Photo<()>, image: Tensor<3>, psnr: f64) -> Comparison {
@@ -272,6 +293,25 @@ impl Evaluator {
             views,
         }
     }
+}
+
+/// Figures of views beside the scores by which they are compared.
+#[derive(Default)]
+struct Further {
+    /// PSNR after a fit of colours.
+    fitted: Vec<f64>,
+    /// Scores from poses that the photos speak for.
+    aligned: Vec<Scores>,
+}
+
+/// Figures of held-out views from poses of their own.
+fn of_poses(aligned: &[Scores]) -> Vec<Figure> {
+    let Some(Scores { psnr, ssim, .. }) = mean_scores(aligned.iter()) else { return Vec::new() };
+    let figure = |id, name, value, unit| Figure::new(id, name, value, unit).better(Better::Higher).headline();
+    vec![
+        figure("psnr_aligned", "PSNR from aligned poses", psnr, "dB").digits(2),
+        figure("ssim_aligned", "SSIM from aligned poses", ssim, "").digits(4),
+    ]
 }
 
 /// Figures of the photos' corrections; `fitted`: PSNR of views after a fit of colours.

@@ -4,6 +4,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `scenes/deblur/*.toml` | the worlds; `room.toml` is common to all |
+//! | `shake.rs` | the path of a camera during an exposure |
 //! | `priors.rs` | depth, masks and pseudo-sharp images with faults |
 //! | `write.rs` | cameras, exposures, the files of a photo |
 //!
@@ -11,6 +12,7 @@
 //! images.
 
 mod priors;
+mod shake;
 mod write;
 
 #[cfg(test)]
@@ -76,6 +78,9 @@ pub struct DeblurOptions {
     pub exposure: f64,
     /// Multiplies all velocities; objects are at the same position at time 0.5. -10 to 10; 0 holds everything still.
     pub speed: f64,
+    /// Typical length of the image's path while the shutter is open by which each photo to learn from has a path of its
+    /// own, 0 to 100 pixels; 0: cameras stand still.
+    pub shake: f64,
     /// Points to start from, at most 10 million; 0 writes none.
     pub points: usize,
     /// Faults of the priors.
@@ -98,6 +103,7 @@ impl Default for DeblurOptions {
             subframes: 32,
             exposure: 0.9,
             speed: 1.0,
+            shake: 0.0,
             points: 4000,
             priors: PriorFaults::default(),
             seed: 0,

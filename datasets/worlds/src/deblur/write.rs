@@ -1,5 +1,6 @@
 //! Writes a world: its cameras, its exposures, and the files of each photo.
 
+use std::borrow::Cow;
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -10,8 +11,8 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 
-use super::{DeblurOptions, World, priors};
-use crate::film::{Exposure, Order, Shot};
+use super::{DeblurOptions, World, priors, shake};
+use crate::film::{Exposure, Order, Shot, shaken};
 use crate::points::Points;
 use crate::random::Draws;
 use crate::ranges::check_ranges;
@@ -30,7 +31,7 @@ const GROUND: f64 = 5.0;
 
 /// The point that the cameras look at, and their distance from it, metres.
 const TARGET: DVec3 = DVec3::new(0.0, 0.0, 0.62);
-const DISTANCE: f64 = 3.7;
+pub(super) const DISTANCE: f64 = 3.7;
 
 /// Horizontal angle of view, radians. A metre at the target is then about 76 pixels of a 256 pixel wide image, so a
 /// metre per unit of time is about 4.6 pixels per exposure of 0.06.
@@ -63,7 +64,8 @@ const JITTER: f64 = 0.02;
 ///
 /// Keys of the JSON beside the usual ones: `exposure` (unit of `time`), `mask_meaning`, `depth_kind`, `blur_space`; per
 /// frame the paths of priors (`mask_path`, `depth_file_path`, `pseudo_sharp_path`) and under `truth` those of the
-/// truth; `movers` with every moving object's pose, velocity and angular velocity at each time. The JSON is written
+/// truth; `camera_path`, the
+/// poses at its sub-frames, if the camera shakes; `movers` with every moving object's pose, velocity and angular velocity at each time. The JSON is written
 /// last: a folder without it is not finished.
 ///
 /// # Errors
@@ -80,7 +82,14 @@ pub fn write(dir: &Path, options: &DeblurOptions, progress: impl Fn(usize, usize
     let set = Set { dir, scene: &scene, cameras: &cameras, times: &times, order: Order::Bayer };
     let write = |photo: &mut Photo<'_>, shot: &Shot| {
         let draws = Draws::Prior((photo.number * options.frames + photo.frame) as u64);
-        files(photo, shot, options, &mut draws.rng(seed))
+        let mut shot = Cow::Borrowed(shot);
+        if options.shake > 0.0 && !photo.camera.is_test {
+            let draws = Draws::Shake((photo.number * options.frames + photo.frame) as u64);
+            let path = shake::path(photo.camera, options.shake, options.subframes, &mut draws.rng(seed));
+            photo.entry["truth"]["camera_path"] = path.iter().map(|camera| json!(camera.rows())).collect();
+            shot.to_mut().blurry = shaken(&scene, &path, &exposures[photo.frame], Order::Bayer);
+        }
+        files(photo, &shot, options, &mut draws.rng(seed))
     };
     let list = |camera: &Camera, _| if camera.is_test { "test" } else { "train" };
     let photos = set.photograph(&exposures, list, write, progress)?;
@@ -115,6 +124,7 @@ fn check(dir: &Path, options: &DeblurOptions) -> Result<(), DatasetError> {
     let numbers = [
         ("exposure", options.exposure, 0.0..=2.0),
         ("speed", options.speed, -10.0..=10.0),
+        ("shake", options.shake, 0.0..=100.0),
         ("priors.depth_scale", faults.depth_scale, 0.0..=10.0),
         ("priors.depth_shift", faults.depth_shift, 0.0..=1.0),
         ("priors.depth_noise", faults.depth_noise, 0.0..=1.0),

@@ -109,6 +109,11 @@ pub struct SynthDeblurArgs {
     #[arg(long, default_value_t = 1.0, value_name = "FACTOR")]
     pub speed: f64,
 
+    /// Hand shake: pixels by which the image of each photo to learn from moves while the shutter is open, on a path of
+    /// its own
+    #[arg(long, default_value_t = 0.0, value_name = "PIXELS")]
+    pub shake: f64,
+
     /// Faults of the priors (depth, masks, pseudo-sharp photos); switching one changes the random draws of the others
     #[arg(long, value_parser = one_of(&PriorFault::ALL, PriorFault::name, PriorFault::in_words), value_delimiter = ',',
           value_name = "LIST", default_values_t = PriorFault::USUAL)]

@@ -69,6 +69,7 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
         subframes: args.subframes as usize,
         exposure: args.exposure,
         speed: args.speed,
+        shake: args.shake,
         seed: args.seed,
         points: args.points,
         priors: faults(args),

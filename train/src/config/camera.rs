@@ -1,0 +1,18 @@
+//! `[camera]`: the path of each photo's camera while its shutter is open, and corrections of its pose.
+
+use gs_models::camera_path::DEGREES;
+
+use super::ranges::POSITIVE;
+use crate::section;
+
+section! {
+    /// Options of the learned poses. Held-out photos keep their given pose.
+    pub struct CameraConfig {
+        /// Degree of the path of a photo's camera during its exposure: 0 stands still, 1 is a straight line, 2 bends.
+        motion: usize = 0, in 0..=DEGREES;
+        /// Whether the mean pose of each photo is corrected; with a path it always is.
+        refine: bool = false;
+        /// Learning rate at the first step, falling to a tenth: pixels by which a visit of a photo may move its image.
+        lr: f64 = 0.5, in POSITIVE;
+    }
+}
