@@ -19,12 +19,14 @@ use super::from_scene::from_scene;
 use super::plan::plan_steps;
 use super::{EvalRequest, Evaluated, Extrapolate, Opened, Pipeline};
 use gs_train::config::{Background, Config, ConfigError, FitConfig, tables};
+use gs_train::fit::density::ops::Draft;
 use gs_train::fit::facts::SceneFacts;
 use gs_train::fit::intake::Intake;
 use gs_train::fit::method::Step;
 use gs_train::fit::preflight::{
     check_pixels, few_points, judge_dataset, judge_scene, leave_out_few_points, near_warning, no_pixels,
 };
+use gs_train::fit::region::{Region, bounds};
 use gs_train::fit::saved::Saved;
 use gs_train::fit::session::{Data, Session, Stepped};
 use gs_train::fit::snapshot::{Notes, Snapshot, read_cameras, read_correction, read_gaussians, read_method, restore};
@@ -95,6 +97,7 @@ fn fit<M: SceneMethod>(job: &Job, mut config: FitConfig<M::Config>) -> Result<En
         saved => saved,
     };
     let mut session = Session::begin(&data, config, trainer, &job.device);
+    check_region(&session.trainer, &data)?;
     let mut run = Run::begin(job, plan, session.trainer.step, lock)?;
     if session.trainer.step == 0 {
         // Photos, cues and initial Gaussians take from seconds to minutes.
@@ -127,6 +130,21 @@ fn fit<M: SceneMethod>(job: &Job, mut config: FitConfig<M::Config>) -> Result<En
     }
     let trainer = session.into_trainer();
     finish(run, job, data, trainer, config, &evaluator, introduction.schedule)
+}
+
+/// Refuses a region of interest in which no Gaussian begins.
+///
+/// # Errors
+/// A sentence with the bounds of the Gaussians.
+fn check_region<M: SceneMethod>(trainer: &Trainer<M>, data: &Data<M>) -> Result<()> {
+    let Some(region) = trainer.facts.region else { return Ok(()) };
+    let means = Draft::read(trainer.gaussians()).means;
+    ensure!(
+        means.iter().any(|mean| region.contains(*mean)),
+        "data.region: expected Gaussians to begin with in the box, found none; 90 % of them are at {}",
+        bounds(&means, data.scene.origin)
+    );
+    Ok(())
 }
 
 /// Reads the data set of a job, and plans the steps if the job has a budget of minutes; with the seconds of reading,
@@ -398,7 +416,9 @@ impl<M: SceneMethod> Pipeline for Fit<M> {
         let (mut model, facts, step, origin) = match request.file {
             SceneFile::Checkpoint(checkpoint) => {
                 let (model, _, notes) = read_model::<M>(checkpoint, request.device)?;
-                (model, notes.facts(), notes.counters.step, checkpoint.origin.world())
+                let region = Region::of(&config.data.region, scene.origin);
+                let facts = SceneFacts { region, ..notes.facts() };
+                (model, facts, notes.counters.step, checkpoint.origin.world())
             }
             SceneFile::Ply(packed) => {
                 let facts = SceneFacts::of(&scene, &config, M::near_share(&scene, &config), M::UNSEEN);

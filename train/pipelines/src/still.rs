@@ -77,9 +77,11 @@ impl Method for Still {
         let rendering = &renderings[cameras.len() / 2];
         let image = photo.taken(mean_of_light(&renderings));
         let loss = photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
-        let of_depth = photo.extra.misfit(rendering).map(|misfit| misfit * at.config.method.depth.weight);
+        let of_depth =
+            photo.extra.misfit(rendering, photo.mask.as_ref()).map(|misfit| misfit * at.config.method.depth.weight);
         Forward {
-            loss: of_depth.map_or(loss.clone(), |term| loss + term),
+            // A mean over the pixels that count: beside one over all, the regularisers would be stronger.
+            loss: of_depth.map_or(loss.clone(), |term| loss + term) / photo.share,
             drawn: vec![Drawn {
                 intersections: renderings.iter().map(|rendering| rendering.intersections.clone()).collect(),
                 ..Drawn::of(rendering, screens.first())

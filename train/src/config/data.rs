@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::declare::Declared;
 use super::error::{ConfigError, check};
-use super::ranges::{NOT_NEGATIVE, Only, SHARE};
+use super::ranges::{NOT_NEGATIVE, Only, SHARE, is_box};
 use crate::{choice, section};
 
 choice! {
@@ -159,6 +159,10 @@ section! {
             in Only("three numbers from 0 to 1", Background::is_in_range);
         /// The use of mask files.
         masks: MaskChoice = MaskChoice::Auto;
+        /// A box in the data set's world, for `static`: pixels whose rays miss it do not count, and `export` writes the
+        /// Gaussians inside. Gaussians that only such pixels show fade, also those of `init.scene`. Empty: everywhere.
+        region: Vec<f64> = Vec::new(),
+            in Only("[] or a box [x0, y0, z0, x1, y1, z1] with x0 < x1, y0 < y1, z0 < z1", is_region);
         /// Priors that are read. A static scene reads no pseudo-sharp photos, and masks only to measure moving parts.
         priors: Vec<PriorKind> = vec![PriorKind::Depth, PriorKind::Masks, PriorKind::Sharp];
         /// Meaning of depth files.
@@ -223,6 +227,11 @@ impl DataConfig {
             ..LoadOptions::default()
         }
     }
+}
+
+#[allow(clippy::ptr_arg)] // the type of the key
+fn is_region(region: &Vec<f64>) -> bool {
+    region.is_empty() || is_box(region)
 }
 
 fn is_convention(poses: &String) -> bool {

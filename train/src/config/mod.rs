@@ -41,7 +41,7 @@ pub use init::InitConfig;
 pub use loss::LossConfig;
 pub use model::{ModelConfig, RenderConfig};
 pub use optimiser::OptimiserConfig;
-pub use ranges::{NOT_NEGATIVE, OPEN_UNIT, Only, POSITIVE, Range, SHARE, not_negative, positive};
+pub use ranges::{NOT_NEGATIVE, OPEN_UNIT, Only, POSITIVE, Range, SHARE, is_box, not_negative, positive};
 pub use retired::{present_name, with_moved, without_retired};
 pub use run::{CheckpointConfig, EvalConfig};
 
@@ -116,7 +116,8 @@ pub trait Section:
 }
 
 /// Checks what a pipeline of moving scenes cannot do: photos at a reduced width, because its other data of a photo are
-/// not reduced with it; a begin from a scene, which says nothing of the motion; and cameras that move or are corrected.
+/// not reduced with it; a begin from a scene, which says nothing of the motion; a region, which things may leave; and
+/// cameras that move or are corrected.
 ///
 /// # Errors
 /// The first value that asks for it.
@@ -125,7 +126,9 @@ pub fn of_moving_scenes(shared: &Config) -> Result<(), ConfigError> {
     check("camera.motion", camera.motion, camera.motion == 0, "0 in a pipeline of moving scenes")?;
     check("camera.refine", camera.refine, !camera.refine, "false in a pipeline of moving scenes")?;
     check("data.coarse_share", share, share == 0.0, "0 in a pipeline of moving scenes")?;
-    check("init.scene", format!("{scene:?}"), scene.is_empty(), "\"\" in a pipeline of moving scenes")
+    check("init.scene", format!("{scene:?}"), scene.is_empty(), "\"\" in a pipeline of moving scenes")?;
+    let region = &shared.data.region;
+    check("data.region", format!("{region:?}"), region.is_empty(), "[] in a pipeline of moving scenes")
 }
 
 /// A whole configuration: the shared sections and a pipeline's own.

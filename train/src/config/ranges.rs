@@ -77,6 +77,13 @@ pub const NOT_NEGATIVE: Only<f64> = Only("0 or more", |x| not_negative(*x));
 /// Numbers inside the unit interval.
 pub const OPEN_UNIT: Only<f64> = Only("between 0 and 1, both excluded", |x| *x > 0.0 && *x < 1.0);
 
+/// Whether numbers are the corners of a box: x, y, z of the smallest coordinates, then of the largest.
+pub fn is_box(numbers: &[f64]) -> bool {
+    let (low, high) = numbers.split_at(numbers.len() / 2);
+    let is_finite = |x: &f64| (*x as f32).is_finite();
+    numbers.len() == 6 && numbers.iter().all(is_finite) && low.iter().zip(high).all(|(low, high)| low < high)
+}
+
 /// Whether `x` is above 0, also as f32, in which kernels compute.
 pub fn positive(x: f64) -> bool {
     not_negative(x) && x as f32 > 0.0

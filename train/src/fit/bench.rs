@@ -23,6 +23,7 @@ pub fn photo_of<X>(gaussians: &Gaussians, camera: &Camera, extra: X) -> Photo<X>
         mask: None,
         time: 0.0,
         pixel: 1.0,
+        share: 1.0,
         index: 0,
         color: None,
         poses: Vec::new(),

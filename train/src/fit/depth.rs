@@ -202,11 +202,13 @@ impl PhotoDepth {
         Some(Tensor::from_data(TensorData::new(alignment.depth(values), rendered.dims()), &rendered.device()))
     }
 
-    /// The mean difference of the logarithms of rendered and prior depth, `[1]`; `None` where nothing can be compared.
-    pub fn misfit(&self, rendering: &Rendering) -> Option<Tensor<1>> {
+    /// The mean difference of the logarithms of rendered and prior depth, `[1]`, over the pixels of `mask` `[H, W, 1]`
+    /// (`None`: all); `None` where nothing can be compared.
+    pub fn misfit(&self, rendering: &Rendering, mask: Option<&Tensor<3>>) -> Option<Tensor<1>> {
         let depth = rendering.expected_depth()?;
         let prior = self.aligned(&depth, &rendering.alpha, false)?;
-        Some(depth_loss(depth, prior))
+        let counted = mask.map_or(prior.clone(), |mask| prior * mask.clone());
+        Some(depth_loss(depth, counted))
     }
 }
 

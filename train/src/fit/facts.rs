@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::initialise::size_of;
 use super::preflight::{NEAR_ADVISED, NEAR_MOST};
+use super::region::Region;
 use crate::config::{Background, Config, RenderConfig};
 
 /// Least share of equal pixels along the borders of all photos at which their colour is taken for the background's.
@@ -41,6 +42,9 @@ pub struct SceneFacts {
     /// Size of a photo's pixel at that distance, scene units, by the median focal length; `None` without one.
     #[serde(default)]
     pub pixel: Option<f64>,
+    /// The region of interest.
+    #[serde(default)]
+    pub region: Option<Region>,
 }
 
 impl SceneFacts {
@@ -61,13 +65,15 @@ impl SceneFacts {
             },
             subject_distance,
             pixel: subject_distance.and_then(|distance| Some(distance / focal(&scene.train)?)),
+            region: Region::of(&config.data.region, scene.origin),
         }
     }
 
     /// Facts of an unknown scene, from the configuration alone.
     pub fn unknown(config: &Config) -> Self {
         let near = if config.render.near > 0.0 { config.render.near } else { RenderOptions::default().near };
-        Self { extent: 1.0, near, background: config.data.background.color(), subject_distance: None, pixel: None }
+        let background = config.data.background.color();
+        Self { extent: 1.0, near, background, subject_distance: None, pixel: None, region: None }
     }
 
     /// The unit of cameras' translations, scene units: the subject's distance, or the extent where none is known.

@@ -10,6 +10,7 @@ use std::num::NonZero;
 
 use super::outlines::Outlines;
 use super::random::{Purpose, stream};
+use super::region::Region;
 use crate::config::InitConfig;
 use gs_datasets::{PointCloud, Scene, View, subject_distance};
 use gs_multiview::{plane_sweep, plane_sweep_around};
@@ -50,22 +51,26 @@ pub struct InitialGaussians {
     pub opacity_logit: f32,
 }
 
-/// Gaussians for training views and the points that are known of their scene, at most `cap` of them; `extent` in scene
-/// units.
+/// Gaussians for training views and the points that are known of their scene, at most `cap` of them, in line with
+/// `region` where there is one; `extent` in scene units.
 pub fn initial_gaussians(
     views: &[View],
     points: Option<&PointCloud>,
     config: &InitConfig,
     cap: usize,
     extent: f64,
+    region: Option<Region>,
     seed: u64,
 ) -> InitialGaussians {
     let wanted = dense_count(views, config.dense_share, cap);
-    let points = match points {
+    let mut points = match points {
         Some(points) if !points.is_empty() => with_swept(points.clone(), views, wanted, extent, seed),
         _ if wanted > 0 => dense_in_front(views, config.random_points.min(cap), wanted, extent, seed),
         _ => points_in_front(views, config.random_points.min(cap), extent, &Random::default(), seed),
     };
+    if let Some(region) = region {
+        points = region.in_line(points, views);
+    }
     gaussians_at(&points, extent, config, cap, seed)
 }
 

@@ -195,5 +195,5 @@ pub fn begin_static(
     config: &Config,
     facts: &SceneFacts,
 ) -> InitialGaussians {
-    initial_gaussians(views, points, &config.init, config.density.cap, facts.extent, config.seed)
+    initial_gaussians(views, points, &config.init, config.density.cap, facts.extent, facts.region, config.seed)
 }

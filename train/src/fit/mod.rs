@@ -10,6 +10,7 @@
 //! | [`photos`], [`sampler`] | views as tensors, and which of them a step uses |
 //! | [`coarse`] | their width over the steps |
 //! | [`facts`], [`preflight`] | values fixed by the data set, and whether it suits a configuration |
+//! | [`region`] | the box whose pixels count |
 //! | [`extrapolation`] | what a method knows of the future of its scene |
 //! | [`initialise`] | the Gaussians of step 0 |
 //! | [`correction`] | exposure and white balance of the photos |
@@ -42,6 +43,7 @@ pub mod parameters;
 pub mod photos;
 pub mod preflight;
 pub mod random;
+pub mod region;
 pub mod room;
 pub mod sampler;
 pub mod saved;

@@ -11,6 +11,7 @@ use gs_datasets::{Decoded, View};
 use rayon::prelude::*;
 
 use super::correction::ColorChange;
+use super::region::Region;
 
 /// A photo on the device, with the method's data.
 #[derive(Debug, Clone)]
@@ -25,6 +26,8 @@ pub struct Photo<X> {
     pub time: f64,
     /// Width of a pixel, pixels of the scene's photo: 1, or more of a photo at a reduced width.
     pub pixel: f64,
+    /// Share of the rays of all photos that meet the region of interest; 1 without one.
+    pub share: f64,
     /// Index of its view among those of the scene's split.
     pub index: usize,
     /// The change of a rendering's colours to the photo's; `None`: none.
@@ -66,6 +69,8 @@ pub struct Photos<'a, X> {
     kept: Vec<Option<Photo<X>>>,
     room: usize,
     pixel: f64,
+    region: Option<Region>,
+    share: f64,
     extra: MakeExtra<'a, X>,
     /// Views that are being decoded, or have been, by index.
     ahead: BTreeMap<usize, JoinHandle<Option<Arc<View>>>>,
@@ -93,6 +98,8 @@ impl<'a, X: Extra> Photos<'a, X> {
             kept: vec![None; views.len()],
             room: cache_bytes,
             pixel: 1.0,
+            region: None,
+            share: 1.0,
             extra: Box::new(extra),
             ahead: BTreeMap::new(),
         }
@@ -101,6 +108,12 @@ impl<'a, X: Extra> Photos<'a, X> {
     /// The same, of views whose pixels are `pixel` times as wide as those of the scene's photos.
     pub fn of_width(self, pixel: f64) -> Self {
         Self { pixel, ..self }
+    }
+
+    /// The same, of which only pixels count whose rays meet `region`, if there is one.
+    pub fn within(self, region: Option<Region>) -> Self {
+        let share = region.map_or(1.0, |region| region.share(self.views));
+        Self { region, share, ..self }
     }
 
     /// The views themselves.
@@ -161,9 +174,13 @@ impl<'a, X: Extra> Photos<'a, X> {
         Photo {
             camera: camera(view, device),
             image: to_tensor(view, &view.image.data, 3, device),
-            mask: mask_of(view, device),
+            mask: match self.region {
+                Some(region) => Some(to_tensor(view, &region.mask(view), 1, device)),
+                None => mask_of(view, device),
+            },
             time: view.time.unwrap_or(0.0),
             pixel: self.pixel,
+            share: self.share,
             index,
             color: None,
             poses: Vec::new(),

@@ -13,6 +13,7 @@ use super::correction::{Correction, CorrectionFrame};
 use super::density::{Adaptive, Density};
 use super::facts::SceneFacts;
 use super::parameters::Group;
+use super::region::Region;
 use super::saved::Saved;
 use super::trainer::{Model, Trainer};
 use super::training::Training;
@@ -105,6 +106,8 @@ struct FactBits {
     subject_distance: Option<u64>,
     #[serde(default)]
     pixel: Option<u64>,
+    #[serde(default)]
+    region: Option<[[u32; 3]; 2]>,
 }
 
 impl FactBits {
@@ -115,6 +118,7 @@ impl FactBits {
             background: facts.background.map(f32::to_bits),
             subject_distance: facts.subject_distance.map(f64::to_bits),
             pixel: facts.pixel.map(f64::to_bits),
+            region: facts.region.map(|region| region.corners.map(|corner| corner.map(f32::to_bits))),
         }
     }
 }
@@ -136,6 +140,10 @@ impl Notes {
             background: self.facts.background.map(f32::from_bits),
             subject_distance: self.facts.subject_distance.map(f64::from_bits),
             pixel: self.facts.pixel.map(f64::from_bits),
+            region: self
+                .facts
+                .region
+                .map(|corners| Region { corners: corners.map(|corner| corner.map(f32::from_bits)) }),
         }
     }
 }

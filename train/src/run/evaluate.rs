@@ -144,7 +144,7 @@ impl Evaluator {
         let (scene, blur) = (model.method.scene(model.gaussians.clone()), M::blur());
         let views = held_out.views;
         let keep_every = views.len().div_ceil(kept.clamp(1, views.len().max(1))).max(1);
-        let mut photos = Photos::plain(views, &self.device);
+        let mut photos = Photos::plain(views, &self.device).within(at.facts.region);
         let (mut scores, mut comparisons, mut compared) = (Vec::new(), Vec::new(), Compared::Sharp);
         let (mut further, mut has_truth) = (Further::default(), false);
         for together in by_time(views).chunks(TIMES_AT_ONCE) {

@@ -40,6 +40,7 @@ pub fn begin(scene: &Scene, at: &Step, device: &Device) -> (InitialGaussians, Sp
             &config.init,
             config.density.cap,
             at.facts.extent,
+            at.facts.region,
             config.seed,
         ),
     };

@@ -6,6 +6,7 @@ use clap::Args;
 use clap::builder::ValueHint;
 
 use super::render::{finite, number};
+use gs_train::config::is_box;
 
 const EXPORT_EXAMPLES: &str = "\
 Examples:
@@ -14,6 +15,7 @@ Examples:
   gsburn export runs/my-video --out scene.glb             glTF with the motion; other viewers show the middle
   gsburn export runs/my-video --out scene.usda --frames 49
   gsburn export runs/my-photos --out small.spz --target-mb 2
+  gsburn export runs/my-photos --out thing.ply --box -1,-1,0,1,1,2
 
 docs/formats.md has the layouts, and what each of them loses.";
 
@@ -43,6 +45,11 @@ pub struct ExportArgs {
     /// Leave out nearly transparent, oversized and isolated Gaussians
     #[arg(long)]
     pub no_floaters: bool,
+
+    /// Write only Gaussians in a box of the data set's world; of a motion, those that are in it at some time [default:
+    /// data.region of the run]
+    #[arg(long = "box", value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true, value_parser = corners)]
+    pub region: Option<[f64; 6]>,
 
     /// Keep SH only up to this degree
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3))]
@@ -112,6 +119,12 @@ fn axis(text: &str) -> Result<Up, String> {
         _ => return Err("expected x, y, z, -x, -y or -z".into()),
     };
     Ok(Up::Axis(axis))
+}
+
+fn corners(text: &str) -> Result<[f64; 6], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let corners = numbers.filter(|numbers| is_box(numbers)).and_then(|numbers| numbers.try_into().ok());
+    corners.ok_or_else(|| "expected six numbers x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1".into())
 }
 
 fn megabytes(text: &str) -> Result<f64, String> {

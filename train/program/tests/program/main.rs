@@ -26,6 +26,7 @@ mod mutate;
 mod noise;
 mod on_demand;
 mod profile;
+mod region;
 mod resume;
 mod scene_files;
 mod sparsedyn;

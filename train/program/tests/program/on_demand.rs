@@ -28,11 +28,13 @@ fn photos_that_are_decoded_when_asked_for_train_the_same_bits() {
     assert_same_bits(folder, &scene, &["init.dense_share=0.9", "density.cap=400", "density.prune_share=0.01"]);
 }
 
-/// Depth priors are read with the photo, and moving parts of held-out photos are measured by masks of theirs.
+/// Depth priors are read with the photo, pixels that show a region are found then, and moving parts of held-out photos
+/// are measured by masks of theirs.
 #[test]
 fn priors_and_regions_come_with_the_photo() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     let scene = common::video(folder);
-    assert_same_bits(folder, &scene, &["correction.mode=gain", "correction.per=camera"]);
+    let region = "data.region=[-0.6, -0.6, -0.6, 0.6, 0.6, 0.6]";
+    assert_same_bits(folder, &scene, &["correction.mode=gain", "correction.per=camera", region]);
 }

@@ -65,6 +65,11 @@ fn measures_that_follow_the_run_resume_to_the_same_bits() {
 }
 
 #[test]
+fn a_region_resumes_to_the_same_bits() {
+    resumes_to_the_same_bits(&["data.region=[-0.6, -0.6, -0.2, 0.6, 0.6, 0.8]"]);
+}
+
+#[test]
 fn adaptive_control_resumes_to_the_same_bits() {
     let reset = ["density.strategy=default", "density.default.gradient=1e-5", "density.default.reset_every=25"];
     resumes_to_the_same_bits(&reset);

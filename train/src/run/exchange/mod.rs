@@ -15,6 +15,7 @@ use gs_base::{agree, counted};
 use gs_splats::ply::{self, SplatRenderMode};
 use gs_splats::{Motion, Splats, glb, ksplat, sog, splat, spz, turn, usda};
 
+use crate::fit::region::Region;
 use foreign::refuse_foreign;
 pub use motion::{MotionScene, motion_of, time_function};
 
@@ -99,6 +100,16 @@ impl Packed {
     pub fn select(&self, rows: &[u32]) -> Self {
         let motion = self.motion.as_ref().map(|motion| motion.select(rows));
         Self { splats: self.splats.select(rows), motion, samples: self.samples }
+    }
+
+    /// The rows in a region; of a motion those that are in it at any of the times that OpenUSD samples.
+    pub fn within(&self, region: &Region) -> Vec<u32> {
+        let frames = self.sampled();
+        let is_inside = |row: &u32| {
+            let mut all = frames.iter().chain([&self.splats]);
+            all.any(|frame| region.contains(frame.means[*row as usize]))
+        };
+        (0..self.splats.len() as u32).filter(is_inside).collect()
     }
 
     /// The Gaussians at the times that OpenUSD samples; none where nothing moves.

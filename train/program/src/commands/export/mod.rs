@@ -14,6 +14,7 @@ use gs_datasets::{camera_path, load_cameras};
 use crate::cli::{ExportArgs, Up};
 use crate::commands::print;
 use gs_pipelines::{load_scene, of_checkpoint};
+use gs_train::fit::region::{Region, bounds};
 use gs_train::fit::times::through_time;
 use gs_train::run::checkpoint::save;
 use gs_train::run::exchange::{ENDINGS, Format, Packed};
@@ -70,11 +71,16 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
         }
         scenes.push(scene);
     }
-    let rows: Vec<Option<Vec<u32>>> = scenes
-        .iter()
-        .zip(&paths)
-        .map(|(scene, path)| if args.keep_far { None } else { scene.spared(path, format) })
-        .collect();
+    let region = args.region.map_or(loaded.facts.region, |corners| Region::of(&corners, loaded.origin));
+    let mut rows = Vec::new();
+    for ((scene, path), note) in scenes.iter().zip(&paths).zip(&mut notes) {
+        let inside = region.map(|region| inside(scene, &region, args)).transpose()?;
+        if let Some(rows) = &inside {
+            let outside = counted(scene.splats.len() - rows.len(), "Gaussian");
+            note.push(format!("{outside} outside the box left out"));
+        }
+        rows.push(if args.keep_far { inside } else { spared(scene, inside, path, format) });
+    }
     if let Some(target) = args.target_mb {
         if args.no_floaters {
             bail!("--target-mb and --no-floaters both choose Gaussians; give one of them");
@@ -93,6 +99,29 @@ pub fn run(args: &ExportArgs) -> Result<ExitCode> {
         write_one(path, &scene, format, note)?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The rows of a scene in a region.
+///
+/// # Errors
+/// A sentence with the scene's bounds, if there are none.
+fn inside(scene: &Packed, region: &Region, args: &ExportArgs) -> Result<Vec<u32>> {
+    let (rows, splats) = (scene.within(region), &scene.splats);
+    if rows.is_empty() {
+        let (key, found) = (if args.region.is_some() { "--box" } else { "data.region" }, args.scene.display());
+        let bounds = bounds(&splats.means, DVec3::from_array(splats.offset));
+        bail!("{key}: expected Gaussians of {found} in the box, found none; 90 % of them are at {bounds}");
+    }
+    Ok(rows)
+}
+
+/// Those of `rows`, or of all, that the file is to hold; see [`Packed::spared`].
+fn spared(scene: &Packed, rows: Option<Vec<u32>>, path: &Path, format: Format) -> Option<Vec<u32>> {
+    let Some(rows) = rows else { return scene.spared(path, format) };
+    match scene.select(&rows).spared(path, format) {
+        Some(spared) => Some(spared.into_iter().map(|row| rows[row as usize]).collect()),
+        None => Some(rows),
+    }
 }
 
 /// The Gaussians `rows` alone, or all.

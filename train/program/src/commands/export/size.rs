@@ -62,8 +62,9 @@ pub(super) fn fit(
     if scenes.iter().any(|scene| scene.motion.is_some()) {
         notes.push("of which moving ones were left out and not merged".into());
     }
-    // A single moment of a moving scene cannot be held against photos of other times.
-    if loaded.scene.span().is_none() || scenes[0].motion.is_some() {
+    // Photos show more than a box, and other times than a single moment of a moving scene.
+    let is_whole = args.region.is_none() && loaded.facts.region.is_none();
+    if is_whole && (loaded.scene.span().is_none() || scenes[0].motion.is_some()) {
         let after = mean_psnr(&*read.scene, views, &usual);
         notes.push(format!("PSNR {after:.2} dB on the {shown} photos, {before:.2} dB before"));
     }
