@@ -26,7 +26,7 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 52] = [
+pub const RECIPES: [Recipe; 53] = [
     recipe!("flux4d/ablations/base-network"),
     recipe!("flux4d/ablations/constant-velocity"),
     recipe!("flux4d/ablations/far-in-voxels"),

@@ -1,8 +1,8 @@
 //! Paths of cameras: rigid motions against closed forms, gradients by differences, paths at their instants.
 
+use gs_base::Intrinsics;
 use gs_burn::Camera;
 use gs_burn::glam::{DMat4, DVec3};
-use gs_base::Intrinsics;
 use gs_models::camera_path::{Path, TWIST, instants, moved, twists};
 use gs_tests::devices::{Place, doubles, everywhere, reference};
 use gs_tests::finite_differences::assert_derivatives;

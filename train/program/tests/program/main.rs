@@ -29,6 +29,7 @@ mod profile;
 mod region;
 mod resume;
 mod scene_files;
+mod shake;
 mod sparsedyn;
 mod sparsedyn_inputs;
 mod starts;

@@ -1,0 +1,115 @@
+//! Cameras that shake: their paths and poses are learned, measured, reported and resumed.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use gs_pipelines::fit::read_model;
+use gs_pipelines::still::Still;
+use gs_train::fit::camera_paths::CameraPaths;
+use gs_train::run::checkpoint::Checkpoint;
+use gs_train::run::watch::Job;
+use gs_worlds::deblur::{self, DeblurOptions, World};
+use serde_json::Value;
+
+use crate::common::{self, read_json};
+
+const STEPS: usize = 800;
+
+const OVERRIDES: [&str; 3] = ["density.cap=6000", "density.start=50", "density.every=25"];
+
+/// Typical length of the photos' paths, pixels.
+const SHAKE: f64 = 8.0;
+
+/// A still room, photographed by a shaking hand or a steady one.
+fn room(folder: &Path, shake: f64) -> PathBuf {
+    let path = folder.join(format!("room-{shake}"));
+    let options = DeblurOptions {
+        world: World::Cube,
+        width: 128,
+        height: 96,
+        cameras: 18,
+        held_out: 2,
+        frames: 1,
+        speed: 0.0,
+        shake,
+        seed: 5,
+        ..DeblurOptions::default()
+    };
+    deblur::write(&path, &options, |_, _| ()).expect("the room is written");
+    path
+}
+
+fn job(world: &Path, folder: &Path, steps: usize, more: &[&str]) -> Job {
+    common::job(world, folder, &common::config(steps, &[&OVERRIDES, more].concat()))
+}
+
+fn learned(job: &Job, step: usize) -> Option<CameraPaths> {
+    let file = Checkpoint::load(&job.folder.checkpoint(step)).expect("loads");
+    read_model::<Still>(&file, &common::device()).expect("a scene").0.cameras
+}
+
+/// Lengths of the ways of the image's middle at the room's middle, pixels, by the photos' names.
+fn true_lengths(world: &Path) -> Vec<(String, f64)> {
+    let list: Value = read_json(&world.join("transforms_train.json"));
+    let focal = list["fl_x"].as_f64().expect("a focal length");
+    let of = |frame: &Value| {
+        let name = frame["file_path"].as_str().expect("a path").trim_end_matches(".png").to_string();
+        let poses: Vec<Vec<f64>> = frame["truth"]["camera_path"]
+            .as_array()
+            .expect("poses")
+            .iter()
+            .map(|rows| rows.as_array().expect("rows").iter().flat_map(numbers).collect())
+            .collect();
+        // The point before the camera in the middle of the exposure, in the camera's axes at each instant.
+        let column = |pose: &[f64], j: usize| glam::DVec3::new(pose[j], pose[4 + j], pose[8 + j]);
+        let middle = &poses[poses.len() / 2];
+        let point = column(middle, 3) - DISTANCE * column(middle, 2);
+        let seen = |pose: &Vec<f64>| {
+            let [x, y, z] = [0, 1, 2].map(|j| (point - column(pose, 3)).dot(column(pose, j)));
+            glam::DVec2::new(-x / z, y / z) * focal
+        };
+        let places: Vec<glam::DVec2> = poses.iter().map(seen).collect();
+        (name, places.windows(2).map(|pair| pair[0].distance(pair[1])).sum())
+    };
+    list["frames"].as_array().expect("frames").iter().map(of).collect()
+}
+
+fn numbers(row: &Value) -> Vec<f64> {
+    row.as_array().expect("a row").iter().filter_map(Value::as_f64).collect()
+}
+
+/// Distance of the room's middle from its cameras, metres.
+const DISTANCE: f64 = 3.7;
+
+#[test]
+fn paths_of_a_shaking_hand_are_learned_measured_and_reported() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = room(folder, SHAKE);
+    let with = job(&world, &folder.join("with"), STEPS, &["camera.motion=2"]);
+    let eval = common::finish(&with);
+    let without = common::finish(&job(&world, &folder.join("without"), STEPS, &[]));
+    let aligned = eval.last.figure("psnr_aligned").expect("a figure");
+    let [with_paths, without] = [&eval, &without].map(|eval| eval.last.mean().psnr);
+    let listed = learned(&with, STEPS).expect("paths").listed();
+    let lengths: Vec<(f64, f64)> = true_lengths(&world)
+        .into_iter()
+        .map(|(name, truth)| (truth, listed.iter().find(|(other, _)| *other == name).expect("a path").1.length()))
+        .collect();
+    println!("{with_paths} {without} {aligned} {lengths:?}");
+    assert!(with_paths > without + 1.0);
+}
+
+#[test]
+fn it_resumes_to_the_same_bits() {
+    const SHORT: usize = 60;
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = room(folder, SHAKE);
+    let [whole, resumed] =
+        ["whole", "resumed"].map(|name| job(&world, &folder.join(name), SHORT, &["camera.motion=1"]));
+    common::finish(&whole);
+    common::finish_interrupted(&resumed, &[17, 41]);
+    let bits = |job: &Job| fs::read(job.folder.checkpoint(SHORT)).expect("saved");
+    assert!(bits(&whole) == bits(&resumed), "the resumed run differs");
+}
