@@ -5,8 +5,6 @@ use std::str::FromStr;
 
 use glam::{DMat3, DMat4, DVec3};
 
-use crate::scene::SceneFormat;
-
 /// The direction of a camera's axis, as seen in the photo.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CameraAxis {
@@ -63,28 +61,15 @@ pub struct PoseConvention {
 }
 
 /// OpenCV's camera axes, also COLMAP's.
-const OPENCV: [CameraAxis; 3] = [CameraAxis::Right, CameraAxis::Down, CameraAxis::Forward];
+pub(crate) const OPENCV: [CameraAxis; 3] = [CameraAxis::Right, CameraAxis::Down, CameraAxis::Forward];
 
 /// OpenGL's camera axes, also Blender's and nerfstudio's.
-const OPENGL: [CameraAxis; 3] = [CameraAxis::Right, CameraAxis::Up, CameraAxis::Back];
+pub(crate) const OPENGL: [CameraAxis; 3] = [CameraAxis::Right, CameraAxis::Up, CameraAxis::Back];
 
 /// LLFF's camera axes.
-const LLFF: [CameraAxis; 3] = [CameraAxis::Down, CameraAxis::Right, CameraAxis::Back];
+pub(crate) const LLFF: [CameraAxis; 3] = [CameraAxis::Down, CameraAxis::Right, CameraAxis::Back];
 
 impl PoseConvention {
-    /// The convention of a format's own files.
-    pub fn of(format: SceneFormat) -> Self {
-        let (world_to_camera, axes) = match format {
-            SceneFormat::Transforms | SceneFormat::RealityScan => (false, OPENGL),
-            SceneFormat::ColmapText | SceneFormat::ColmapBinary | SceneFormat::Filmed | SceneFormat::Panoptic => {
-                (true, OPENCV)
-            }
-            SceneFormat::Llff => (false, LLFF),
-            SceneFormat::CameraTexts | SceneFormat::Nerfies => (false, OPENCV),
-        };
-        Self { world_to_camera, axes }
-    }
-
     /// All 96 conventions, the usual ones first, those of left-handed cameras last.
     pub fn all() -> Vec<Self> {
         let mut axes: Vec<[CameraAxis; 3]> = vec![OPENGL, OPENCV, LLFF];
@@ -112,10 +97,11 @@ impl PoseConvention {
         (file.determinant() < 0.0) != (hand_of(self.axes) < 0.0)
     }
 
-    /// A camera (camera to world, OpenCV axes) as it was read by this convention, in a world of our hand.
-    pub fn unmirrored(self, c2w: DMat4) -> DMat4 {
+    /// A camera (camera to world, OpenCV axes) that was read by this convention as another one reads it, or `None` as
+    /// it is; in a world of our hand.
+    pub fn reread(self, by: Option<Self>, c2w: DMat4) -> DMat4 {
         let file = self.to_file(c2w);
-        if self.mirrors(file) { self.to_c2w(file) } else { c2w }
+        if by.is_some() || self.mirrors(file) { by.unwrap_or(self).to_c2w(file) } else { c2w }
     }
 
     /// The file's matrix of a camera (camera to world, OpenCV axes), in a world of our hand.

@@ -5,6 +5,7 @@ use glam::{DMat4, DVec3};
 use gs_base::Intrinsics;
 use rayon::prelude::*;
 
+use crate::behind::Behind;
 use crate::error::DatasetError;
 use crate::face::Face;
 use crate::faces;
@@ -15,7 +16,7 @@ use crate::names;
 use crate::notes::ViewNote;
 use crate::one_color;
 use crate::options::LoadOptions;
-use crate::pixels::{self, Behind, Opened};
+use crate::pixels::{self, Opened};
 use crate::priors::attach::{Attached, PhotoShape, SideNotes, attach};
 use crate::projection::Projection;
 use crate::raw::RawFrame;
@@ -48,7 +49,7 @@ impl Decoder {
 
     /// The frame's view.
     pub fn view(&self, frame: &RawFrame) -> Result<(View, ViewNote), DatasetError> {
-        let Opened { photo, alpha, range } = pixels::open_whole(&frame.image_path, self.behind)?;
+        let Opened { photo, alpha, range, clipped } = pixels::open_whole(&frame.image_path, self.behind)?;
         let size = photo.size();
         let camera = Camera::of(frame, size)?;
         let one_color = one_color::of(&photo);
@@ -65,19 +66,21 @@ impl Decoder {
             None => (Undistortion::new(frame.lens.distortion, of_photo, size), of_photo, size),
         };
         let target = self.target(ideal);
-        let (data, mask) = resample(photo, &camera.masks, undistortion.as_ref(), target);
+        let (data, rests, mask) = resample(photo, &camera.masks, undistortion.as_ref(), target);
+        let fine = (range.is_some() || clipped.is_some()).then_some(rests);
         let one_channel = |levels: Vec<u8>| levels.as_chunks::<3>().0.iter().map(|level| level[0]).collect();
         let alpha = alpha.map(|alpha| one_channel(resample(alpha, &[], undistortion.as_ref(), target).0));
         let is_blank = mask.as_ref().is_some_and(|mask| mask.iter().all(|keep| *keep == 0));
         let image = RgbImage8 { width: target.0, height: target.1, data };
         let intrinsics = scaled(intrinsics, ideal, target);
         let Attached { priors, truth, notes } = attach(&frame.sides, &self.photo(frame, size));
-        let note = ViewNote { is_blank, one_color, range, ..camera.note(frame, notes) };
+        let note = ViewNote { is_blank, one_color, range, clipped, ..camera.note(frame, notes) };
         let view = View {
             name: frame.name.clone(),
             image_path: frame.image_path.clone(),
             time: frame.time,
             camera_id: frame.camera_id.clone(),
+            fine,
             alpha,
             mask,
             exposure: frame.exposure,
@@ -90,13 +93,13 @@ impl Decoder {
 
     /// Decodes the frame's files without making a view of them.
     pub fn examine(&self, frame: &RawFrame) -> Result<ViewNote, DatasetError> {
-        let Opened { photo, range, .. } = pixels::open_whole(&frame.image_path, self.behind)?;
+        let Opened { photo, range, clipped, .. } = pixels::open_whole(&frame.image_path, self.behind)?;
         let (size, one_color) = (photo.size(), one_color::of(&photo));
         drop(photo);
         let camera = Camera::of(frame, size)?;
         let faces = self.faces(frame, size)?;
         let note = camera.note(frame, attach(&frame.sides, &self.photo(frame, size)).notes);
-        Ok(ViewNote { faces, one_color, is_turned: pixels::is_turned(&frame.image_path), range, ..note })
+        Ok(ViewNote { faces, one_color, is_turned: pixels::is_turned(&frame.image_path), range, clipped, ..note })
     }
 
     /// Camera to world of the frame's view.
@@ -212,6 +215,7 @@ impl Camera {
             one_color: None,
             is_turned: false,
             range: None,
+            clipped: None,
             sides,
         }
     }

@@ -7,6 +7,7 @@ use glam::DVec3;
 use gs_base::local::RECENTRE_DISTANCE;
 use gs_base::{clause, mean};
 
+use crate::behind::Behind;
 use crate::consistency;
 use crate::convention::{self, PoseConvention};
 use crate::decode::Decoder;
@@ -15,7 +16,6 @@ use crate::findings::Findings;
 use crate::formats::masks;
 use crate::names::{self, some_names};
 use crate::options::LoadOptions;
-use crate::pixels::Behind;
 use crate::pose;
 use crate::raw::{RawFrame, RawPoints, RawScene};
 use crate::scene::{PointCloud, SceneFormat};
@@ -47,7 +47,7 @@ impl Description {
         if let Some(fps) = options.fps {
             timed_by_names(&mut frames, fps, path, findings);
         }
-        masks::find(&mut frames, path, options, findings);
+        masks::find(&mut frames, path, raw.format, options, findings);
         let frames = consistency::settle(frames, path, options, findings);
         // In a set with exposures, alpha is a share of light, in its sharp photos too.
         let is_light = frames.iter().any(|frame| frame.exposure.is_some_and(|exposure| exposure > 0.0));
@@ -89,11 +89,11 @@ pub(crate) fn check_options(path: &Path, options: &LoadOptions) -> Result<(), Da
         return wrong("points_scale", "a factor above 0", options.points_scale.to_string());
     }
     if let Some([black, white]) = options.levels
-        && !((0.0..1.0).contains(&black) && white > black && white <= 1.0)
+        && !((0.0..1.0).contains(&black) && white > black && white.is_finite())
     {
         return wrong(
             "levels",
-            "two shares of the full range, 0 <= black < white <= 1",
+            "two shares of the full range, 0 <= black < 1 and black < white",
             format!("{black} and {white}"),
         );
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::folder::{extension, has_extension};
+use crate::folder::{extension, has_extension, stem};
 
 /// A file that would be a photo, or photos, after a step with another tool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,10 +16,9 @@ impl Foreign {
     /// Told from the first bytes of a file.
     pub fn of_bytes(bytes: &[u8]) -> Option<Self> {
         let at = |place: usize, word: &[u8]| bytes.get(place..).is_some_and(|rest| rest.starts_with(word));
-        let starts: [(&[u8], Self); 7] = [
+        let starts: [(&[u8], Self); 6] = [
             (b"GIF8", Self::Photo("GIF")),
             (b"BM", Self::Photo("BMP")),
-            (&[0x76, 0x2f, 0x31, 0x01], Self::Photo("OpenEXR")),
             (b"\0\0\0\x0cJXL ", Self::Photo("JPEG XL")),
             (&[0xff, 0x0a], Self::Photo("JPEG XL")),
             // Matroska and WebM.
@@ -48,7 +47,6 @@ impl Foreign {
             "avif" => Self::Photo("AVIF"),
             "gif" => Self::Photo("GIF"),
             "bmp" => Self::Photo("BMP"),
-            "exr" => Self::Photo("OpenEXR"),
             "jxl" => Self::Photo("JPEG XL"),
             "dng" | "cr2" | "cr3" | "nef" | "arw" => Self::Photo("raw camera"),
             "mp4" | "mov" | "m4v" | "avi" | "mkv" | "webm" | "mpg" | "mpeg" => Self::Video,
@@ -79,8 +77,10 @@ pub(crate) const POSES: &str = "COLMAP finds the poses of FOLDER/images (`pip in
     c.match_exhaustive(d); c.incremental_mapping(d, i, 'FOLDER/sparse')\"`; or `colmap automatic_reconstructor \
     --workspace_path FOLDER --image_path FOLDER/images`)";
 
-/// Whether a file is a photo that is read, by its name. `NAME.mask.png` is a mask beside one.
+/// Whether a file is a photo that is read, by its name. Masks beside photos are `NAME.mask.png` and the like.
 pub(crate) fn is_photo(path: &Path) -> bool {
-    let is_mask = path.file_stem().is_some_and(|stem| stem.as_encoded_bytes().ends_with(b".mask"));
-    !is_mask && has_extension(path, &["png", "jpg", "jpeg", "webp", "tif", "tiff"])
+    let stem = stem(path);
+    let is_mask =
+        [".mask", "_mask", "-mask"].iter().any(|end| stem.ends_with(end)) || stem.starts_with("dynamic_mask_");
+    !is_mask && has_extension(path, &["png", "jpg", "jpeg", "webp", "tif", "tiff", "exr", "hdr"])
 }

@@ -19,6 +19,16 @@ pub struct RgbImage8 {
     pub data: Vec<u8>,
 }
 
+/// Steps of the rests of [`rounded`] to one of the bytes: half a step of a byte on either side is all that a signed
+/// byte holds. It is a step of 16 bits within 2 %.
+const RESTS: f32 = 254.0;
+
+/// Values of 0 to 255 as bytes, and the rests that rounding leaves, [`RESTS`] to a step of the bytes.
+pub(crate) fn rounded(values: &[f32]) -> (Vec<u8>, Vec<i8>) {
+    let byte = |value: f32| value.round().clamp(0.0, 255.0);
+    values.iter().map(|value| (byte(*value) as u8, (RESTS * (value - byte(*value))).round() as i8)).unzip()
+}
+
 /// One undistorted photo at training size with the camera that took it. Every field is given by the data set; nothing
 /// that was inferred from photos (masks, tracks, depth) is ever written into a view.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +54,9 @@ pub struct View {
     /// The photo; RGBA is already composited on the chosen background. Empty where it is decoded when it is asked for:
     /// [`decoded`](View::decoded) has it.
     pub image: RgbImage8,
+    /// `[height, width, 3]` the rests that rounding to the bytes of `image` left: the photo has the level
+    /// `image + fine / 254` of 255, within half a step of 16 bits. `None` where the file has 8 bits a channel.
+    pub fine: Option<Vec<i8>>,
     /// `[height, width]` the photo file's own alpha: 0 where it is transparent, 255 where it is opaque. `None` where
     /// the file has none or is opaque everywhere.
     pub alpha: Option<Vec<u8>>,
@@ -76,6 +89,7 @@ impl View {
             time: None,
             camera_id: None,
             image,
+            fine: None,
             alpha: None,
             mask: None,
             exposure: None,
@@ -97,6 +111,7 @@ impl View {
         size_of::<Self>()
             + texts
             + self.image.data.capacity()
+            + self.fine.as_ref().map_or(0, Vec::capacity)
             + mask(&self.alpha)
             + mask(&self.mask)
             + depth
@@ -109,6 +124,12 @@ impl View {
             + map(velocity)
             + mask(moving)
             + mask(moving_union)
+    }
+
+    /// The level of a channel of a pixel, 0 to 255, by its index in `image`, at the depth of the file.
+    pub fn level(&self, index: usize) -> f32 {
+        let rest = self.fine.as_ref().map_or(0.0, |fine| f32::from(fine[index]) / RESTS);
+        f32::from(self.image.data[index]) + rest
     }
 
     /// The point that a pixel, by its index row by row, shows at a depth (camera z, scene units), and its colour.

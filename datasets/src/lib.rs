@@ -31,6 +31,7 @@
 //! # }
 //! ```
 
+mod behind;
 mod blur_from_frames;
 pub mod camera_path;
 mod check;
@@ -40,6 +41,7 @@ mod decode;
 mod description;
 mod distortion;
 mod error;
+mod exr_file;
 mod face;
 mod faces;
 mod findings;
@@ -52,9 +54,11 @@ pub mod image_io;
 mod jpeg;
 mod lens;
 pub mod light;
+mod linear;
 mod loader;
 mod log;
 mod log_cache;
+mod map;
 mod mask;
 mod movers;
 mod names;
@@ -86,7 +90,7 @@ pub use convention::{CameraAxis, PoseConvention, mirrored};
 pub use distortion::Distortion;
 pub use error::DatasetError;
 pub use frame::{CameraPose, DepthPrior, DepthSpace, PhotoSource, Priors, RgbImage8, Truth, View};
-pub use loader::{load, load_cameras};
+pub use loader::{load, load_cameras, load_cameras_by};
 pub use log::{FrameDescription, FrameSource, Log};
 pub use log_cache::LogCache;
 pub use movers::{Mover, movers};

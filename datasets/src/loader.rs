@@ -8,13 +8,14 @@ use gs_base::{clause, counted};
 use rayon::prelude::*;
 
 use crate::camera_path;
+use crate::convention::PoseConvention;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::formats;
 use crate::frame::{CameraPose, View};
 use crate::log::Log;
 use crate::names::some_names;
-use crate::notes::{ViewNote, ViewsWithNotes, few_levels, off_photo_warning, suspicion};
+use crate::notes::{ViewNote, ViewsWithNotes, few_levels, off_photo_warning, say_depth, suspicion};
 use crate::on_demand;
 use crate::one_color;
 use crate::options::LoadOptions;
@@ -51,6 +52,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
     one_color::refuse(path, of_training.map(|(note, _)| note.one_color))?;
     summarise(path, &notes, &mut findings);
     findings.warn_all(few_levels(path, &notes, options.levels));
+    say_depth(path, &notes, &mut findings);
     let noted: Vec<Noted> = notes
         .iter()
         .zip(&trains)
@@ -75,6 +77,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
         points: log.points().cloned(),
         origin: log.origin(),
         format: log.format(),
+        poses: options.poses.unwrap_or(PoseConvention::of(log.format())),
         warnings: findings.take_warnings(),
         time_range,
     })
@@ -90,18 +93,27 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene, DatasetError> {
 /// # Errors
 /// As [`load`], and when a frame has neither `w` and `h` nor an image to take the size from.
 pub fn load_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError> {
+    load_cameras_by(path, None)
+}
+
+/// [`load_cameras`] of a file of a data set whose poses are read by a convention: those of transforms.json and of
+/// COLMAP are read so too, and files of a camera path by their own.
+///
+/// # Errors
+/// As [`load_cameras`].
+pub fn load_cameras_by(path: &Path, poses: Option<PoseConvention>) -> Result<Vec<CameraPose>, DatasetError> {
     if path.is_dir()
         && formats::transforms::cameras_in(path).is_none()
         && let Some(files) = formats::colmap::find(path)
     {
-        return formats::colmap::cameras(&files);
+        return formats::colmap::cameras(&files, poses);
     }
     if !path.is_dir()
         && let Some(cameras) = camera_path::in_file(path)?
     {
         return Ok(cameras);
     }
-    formats::transforms::read_cameras(path)
+    formats::transforms::read_cameras(path, poses)
 }
 
 /// All views of a log, and their notes with their indices.

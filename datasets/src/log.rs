@@ -242,7 +242,7 @@ impl Log {
             let (width, height) = frame.size.unwrap_or_default();
             width * height * raw.bytes_per_pixel()
         };
-        self.frames.iter().zip(&self.raw).map(bytes).sum()
+        self.frames.par_iter().zip(&self.raw).map(bytes).sum()
     }
 
     fn marks_motion(&self) -> bool {
@@ -289,6 +289,7 @@ fn describe(frame: &RawFrame, split: &str, decoder: &Decoder) -> FrameDescriptio
 fn compare_with_sharp(view: &mut View) {
     if let Some(sharp) = view.truth.sharp.take() {
         let blurry = std::mem::replace(&mut view.image, sharp);
+        view.fine = None;
         view.truth.blurry.get_or_insert(blurry);
     }
 }

@@ -10,10 +10,10 @@ use gs_base::{guarded, printable};
 use crate::error::DatasetError;
 
 /// Endings that are an image's extension rather than a part of its name.
-const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp", "exr", "gif"];
+const EXTENSIONS: [&str; 10] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp", "exr", "hdr", "gif"];
 
 /// Tried, in this order, where a data set leaves the extension out.
-const TRIED: [&str; 9] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG", "webp", "tif", "tiff"];
+const TRIED: [&str; 11] = ["png", "jpg", "jpeg", "PNG", "JPG", "JPEG", "webp", "tif", "tiff", "exr", "hdr"];
 
 /// The path with `/` for separators: data sets exported on Windows have backslashes.
 pub(crate) fn with_slashes(written: &str) -> String {

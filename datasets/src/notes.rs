@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use gs_base::statistics::range;
-use gs_base::{Intrinsics, agree, counted, median};
+use gs_base::{Intrinsics, agree, clause, counted, median};
 
 use crate::face::Face;
+use crate::findings::Findings;
 use crate::frame::View;
 use crate::mask::SUSPECT_SHARE;
 use crate::names::some_names;
@@ -36,6 +37,8 @@ pub(crate) struct ViewNote {
     pub is_turned: bool,
     /// The levels of a photo of more than 8 bits, as shares of its full range; `None` of a photo of 8 bits.
     pub range: Option<[f64; 2]>,
+    /// Share of the pixels of a photo in linear light that are brighter than white; `None` of another photo.
+    pub clipped: Option<f64>,
     pub sides: SideNotes,
 }
 
@@ -48,8 +51,8 @@ const FEW: f64 = 64.0;
 /// Half a level of 16 bits: photos of one level hold nothing that a stretch would show.
 const ONE_LEVEL: f64 = 0.5 / 65535.0;
 
-/// A warning about photos of more than 8 bits of which few levels are left at 8, as thermal cameras write them, with
-/// the key that spreads them; `levels` is that key's value.
+/// A warning about photos of more than 8 bits of which few levels are left at 8, so that errors are small, as thermal
+/// cameras write them, with the key that spreads them; `levels` is that key's value.
 pub(crate) fn few_levels(scene: &Path, notes: &[ViewNote], levels: Option<[f64; 2]>) -> Option<String> {
     let ranges: Vec<[f64; 2]> = notes.iter().filter_map(|note| note.range).collect();
     let (low, high) = range(ranges.iter().flatten().copied())?;
@@ -62,13 +65,35 @@ pub(crate) fn few_levels(scene: &Path, notes: &[ViewNote], levels: Option<[f64; 
     let unit = 10.0_f64.powi(places as i32);
     let (low, high) = ((low * unit).floor() / unit, ((high * unit).ceil() / unit).min(1.0));
     Some(format!(
-        "{}: {} of more than 8 bits {} levels from {low:.places$} to {high:.places$} of the full range, which leaves \
+        "{}: {} of more than 8 bits {} levels from {low:.places$} to {high:.places$} of the full range, which shows \
          {} of 256; data.levels=[{low:.places$}, {high:.places$}] spreads them over all",
         scene.display(),
         counted(ranges.len(), "photo"),
         agree(ranges.len(), "has", "have"),
         left.ceil() + 1.0
     ))
+}
+
+/// Says which photos have more than 8 bits, the space of the loss for those in linear light, and what is clipped there.
+pub(crate) fn say_depth(scene: &Path, notes: &[ViewNote], findings: &mut Findings) {
+    let deep = notes.iter().filter(|note| note.range.is_some()).count();
+    if deep > 0 {
+        let have = clause(deep, "photo", "has", "have");
+        findings.fact(format!("{have} more than 8 bits a channel, which the loss and the measures keep."));
+    }
+    let clipped: Vec<f64> = notes.iter().filter_map(|note| note.clipped).collect();
+    let percent = 100.0 * clipped.iter().sum::<f64>() / clipped.len().max(1) as f64;
+    let are = clause(clipped.len(), "photo", "is", "are");
+    let said = format!("{are} in linear light and brought to sRGB, in which the loss is taken");
+    if percent > 0.0 {
+        findings.warn(format!(
+            "{}: {said}; {percent:.2} % of the pixels are brighter than white and clipped to it; \
+             data.levels=[0, LIGHT] makes another light white",
+            scene.display()
+        ));
+    } else if !clipped.is_empty() {
+        findings.fact(format!("{said}."));
+    }
 }
 
 /// The sentence about views whose principal point is not inside their photo, where there are any.

@@ -5,10 +5,12 @@ use std::path::Path;
 
 use gs_base::guarded;
 
+use crate::behind::Behind;
 use crate::error::DatasetError;
+use crate::exr_file;
 use crate::frame::RgbImage8;
-use crate::pixels::{self, Behind};
-use crate::priors::{exr, map::Map};
+use crate::map::Map;
+use crate::pixels;
 use crate::resample::resample;
 use crate::resize::target_size;
 use crate::undistort::Undistortion;
@@ -21,7 +23,7 @@ use crate::undistort::Undistortion;
 pub fn read_photo(path: &Path, max_width: Option<usize>) -> Result<RgbImage8, DatasetError> {
     let photo = pixels::open(path, Behind::BLACK)?;
     let (width, height) = target_size(photo.size(), max_width);
-    let (data, _) = resample(photo, &[], None, (width, height));
+    let (data, ..) = resample(photo, &[], None, (width, height));
     Ok(RgbImage8 { width, height, data })
 }
 
@@ -43,7 +45,7 @@ pub fn decode_photo(
         return Err(DatasetError::malformed(path, "an image", expected, format!("{} x {}", size.0, size.1)));
     }
     let (width, height) = target_size(size, max_width);
-    let (data, _) = resample(photo, &[], undistortion, (width, height));
+    let (data, ..) = resample(photo, &[], undistortion, (width, height));
     Ok(RgbImage8 { width, height, data })
 }
 
@@ -80,6 +82,6 @@ pub struct ExrChannels {
 /// When the file is missing or broken, asks for more memory than its length can fill, or lacks a channel.
 pub fn read_exr(path: &Path, channels: &[&str]) -> Result<ExrChannels, DatasetError> {
     let bytes = guarded::read(path, guarded::IMAGE_MAX)?;
-    let Map { width, height, values, .. } = exr::parse(path, &bytes, &[channels])?;
+    let Map { width, height, values, .. } = exr_file::parse(path, &bytes, &[channels])?;
     Ok(ExrChannels { width, height, values })
 }

@@ -3,14 +3,16 @@
 use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
-use gs_base::guarded;
+use gs_base::{counted, guarded};
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
+use crate::behind::Behind;
 use crate::error::DatasetError;
+use crate::exr_file;
 use crate::foreign::Foreign;
 use crate::jpeg;
-use crate::light::{to_encoded, to_linear};
+use crate::linear;
 
 /// Longest side of an image that is opened. Larger ones are broken headers rather than photos.
 const SIDE_MAX: u32 = 65_535;
@@ -30,7 +32,7 @@ const EMPTY: &str = "an empty file";
 pub(crate) enum Photo {
     /// Most photos; kept in bytes to be lean.
     Rgb8(image::RgbImage),
-    /// Values 0 to 1: composited images, 16-bit images.
+    /// Values 0 to 1: composited images, 16-bit images, images in linear light brought to sRGB.
     Rgb32(image::Rgb32FImage),
 }
 
@@ -65,6 +67,19 @@ pub(crate) fn decode(path: &Path) -> Result<DynamicImage, DatasetError> {
 
 /// Decodes the content of an image file within limits; `path` is for messages.
 fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError> {
+    let is_exr = bytes.starts_with(exr_file::MAGIC);
+    let image = if is_exr { linear::decode_exr(path, bytes)? } else { decode_others(path, bytes)? };
+    match linear::unknown(&image) {
+        0 => Ok(image),
+        count => {
+            let found = format!("an image with {} (NaN)", counted(count, "value that is no number"));
+            Err(DatasetError::Image { path: path.to_path_buf(), found })
+        }
+    }
+}
+
+/// Decodes any image but OpenEXR.
+fn decode_others(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError> {
     let mut reader = ImageReader::new(Cursor::new(bytes));
     reader = reader.with_guessed_format().map_err(|error| DatasetError::read(path, error))?;
     reader.limits(limits());
@@ -72,8 +87,9 @@ fn decode_bytes(path: &Path, bytes: &[u8]) -> Result<DynamicImage, DatasetError>
     if bytes.is_empty() {
         return Err(wrong(EMPTY.to_string()));
     }
-    let is_read =
-        matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP | ImageFormat::Tiff));
+    const READ: [ImageFormat; 5] =
+        [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Tiff, ImageFormat::Hdr];
+    let is_read = reader.format().is_some_and(|format| READ.contains(&format));
     if let Some(foreign) = Foreign::of_bytes(bytes).filter(|_| !is_read) {
         return Err(wrong(foreign.advice()));
     }
@@ -110,8 +126,12 @@ pub(crate) fn size_of(path: &Path) -> Result<(u32, u32), DatasetError> {
     // The decoder reads a JPEG whole before it looks at the header, and a log of some GB would be read whole to be
     // described.
     let mut file = BufReader::new(guarded::open_regular(path, guarded::IMAGE_MAX)?);
-    if file.fill_buf().is_ok_and(<[u8]>::is_empty) {
+    let start = file.fill_buf().unwrap_or_default();
+    if start.is_empty() {
         return Err(DatasetError::Image { path: path.to_path_buf(), found: EMPTY.to_string() });
+    }
+    if start.starts_with(exr_file::MAGIC) {
+        return exr_file::size(path, file);
     }
     if let Some(size) = jpeg::size(&mut file) {
         return Ok(size);
@@ -132,36 +152,23 @@ pub(crate) fn is_turned(path: &Path) -> bool {
     orientation.is_ok_and(|orientation| orientation != Orientation::NoTransforms)
 }
 
-/// The background of transparent pixels.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Behind {
-    /// Encoded, 0 to 1 per channel.
-    pub color: [f32; 3],
-    /// Whether alpha is a share of light, as where things moved while the shutter was open: at a blurred edge it says
-    /// for how long the background was seen. Otherwise encoded values are mixed, as those who publish still scenes do.
-    pub is_light: bool,
-    /// The levels that become black and white, as shares of the full range; `None`: 0 and 1.
-    pub levels: Option<[f64; 2]>,
+/// Whether a photo has more than 8 bits a channel, by its header; `false` where that cannot be read.
+pub(crate) fn is_deep(path: &Path) -> bool {
+    let Ok(mut file) = guarded::open_regular(path, guarded::IMAGE_MAX).map(BufReader::new) else { return false };
+    if file.fill_buf().is_ok_and(|start| start.starts_with(exr_file::MAGIC)) {
+        return true;
+    }
+    // No JPEG has more, and the decoder would read it whole.
+    if jpeg::size(&mut file).is_some() || file.rewind().is_err() {
+        return false;
+    }
+    let Ok(mut reader) = ImageReader::new(file).with_guessed_format() else { return false };
+    reader.limits(limits());
+    reader.into_decoder().is_ok_and(|decoder| has_more_than_bytes(decoder.color_type()))
 }
 
-impl Behind {
-    /// Black, mixed with encoded values, over the full range.
-    pub const BLACK: Self = Self { color: [0.0; 3], is_light: false, levels: None };
-
-    /// A photo's encoded value, 0 to 1, between the levels.
-    fn stretch(self, value: f32) -> f32 {
-        let Some([black, white]) = self.levels else { return value };
-        ((f64::from(value) - black) / (white - black)).clamp(0.0, 1.0) as f32
-    }
-
-    fn mix(self, value: f32, channel: usize, alpha: f32) -> f32 {
-        let behind = self.color[channel];
-        if self.is_light && alpha > 0.0 && alpha < 1.0 {
-            to_encoded(to_linear(value) * alpha + to_linear(behind) * (1.0 - alpha))
-        } else {
-            value * alpha + behind * (1.0 - alpha)
-        }
-    }
+fn has_more_than_bytes(color: ColorType) -> bool {
+    color.bytes_per_pixel() > color.channel_count()
 }
 
 /// Opens a photo and composites it on the background `behind`: `rgb * alpha + background * (1 - alpha)`, straight
@@ -183,22 +190,25 @@ pub(crate) struct Opened {
     pub alpha: Option<Photo>,
     /// See [`deep_range`].
     pub range: Option<[f64; 2]>,
+    /// See [`linear::clipped`].
+    pub clipped: Option<f64>,
 }
 
 /// As [`open`], with the other contents of the file.
 pub(crate) fn open_whole(path: &Path, behind: Behind) -> Result<Opened, DatasetError> {
     let image = decode(path)?;
     let (alpha, range) = (alpha(&image).map(Photo::Rgb8), deep_range(&image));
-    Ok(Opened { photo: composited(image, behind), alpha, range })
+    let clipped = linear::clipped(&image, behind);
+    Ok(Opened { photo: composited(image, behind), alpha, range, clipped })
 }
 
 /// Share of the pixels left out at either end of a range: hot and dead pixels of a sensor.
 const OUTSIDE: f64 = 1e-3;
 
 /// The levels that the pixels of a photo of more than 8 bits have, as shares of its full range; `None` of a photo of 8
-/// bits.
+/// bits, or in linear light.
 pub(crate) fn deep_range(image: &DynamicImage) -> Option<[f64; 2]> {
-    if image.color().bytes_per_pixel() == image.color().channel_count() {
+    if linear::is_light(image) || !has_more_than_bytes(image.color()) {
         return None;
     }
     let mut counts = vec![0u64; 1 << 16];
@@ -234,6 +244,7 @@ fn composited(image: DynamicImage, behind: Behind) -> Photo {
     match image {
         DynamicImage::ImageRgb8(image) if is_plain => Photo::Rgb8(image),
         image @ DynamicImage::ImageLuma8(_) if is_plain => Photo::Rgb8(image.into_rgb8()),
+        image if linear::is_light(&image) => Photo::Rgb32(linear::displayed(image, behind)),
         image if !image.color().has_alpha() => {
             let mut image = image.into_rgb32f();
             image.iter_mut().for_each(|value| *value = behind.stretch(*value));

@@ -8,6 +8,7 @@ use glam::{DMat4, DVec3};
 use crate::face::Face;
 use crate::lens::Lens;
 use crate::mask::MaskFile;
+use crate::pixels;
 use crate::scene::{SceneFormat, Split};
 use crate::side_files::SideFiles;
 
@@ -91,11 +92,12 @@ impl RawFrame {
         Self { name, c2w, face: Some(face), ..self.clone() }
     }
 
-    /// Bytes of a pixel of its view in memory: colour, mask, priors and truth.
+    /// Bytes of a pixel of its view in memory: colour by the header of its file, mask, priors and truth.
     pub fn bytes_per_pixel(&self) -> usize {
         let is_masked = !self.masks.is_empty() || !self.lens.distortion.is_none() || self.face.is_some();
         let sides = self.sides.files.iter().filter(|file| file.path.is_some());
-        3 + usize::from(is_masked) + sides.map(|file| file.kind.bytes()).sum::<usize>()
+        let colors = if pixels::is_deep(&self.image_path) { 6 } else { 3 };
+        colors + usize::from(is_masked) + sides.map(|file| file.kind.bytes()).sum::<usize>()
     }
 }
 

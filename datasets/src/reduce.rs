@@ -1,6 +1,6 @@
 //! A view at a smaller size, for learning from coarse to fine.
 
-use crate::frame::{PhotoSource, RgbImage8, View};
+use crate::frame::{PhotoSource, RgbImage8, View, rounded};
 use crate::resample::COVERAGE_MIN;
 use crate::resize::{AreaResampler, target_size};
 
@@ -15,17 +15,18 @@ impl View {
             let source = Some(PhotoSource { width: Some(width), ..source.clone() });
             return Self { intrinsics, width: new.0, height: new.1, source, ..self.clone() };
         }
-        let data = filtered::<3>(&self.image.data, old, new).into_iter();
-        let level = |value: f32| value.round().clamp(0.0, 255.0) as u8;
-        let image = RgbImage8 { width: new.0, height: new.1, data: data.map(level).collect() };
-        let alpha = self.alpha.as_ref().map(|alpha| filtered::<1>(alpha, old, new).into_iter().map(level).collect());
+        let (data, rests) = rounded(&filtered::<3>(|index| self.level(index), old, new));
+        let image = RgbImage8 { width: new.0, height: new.1, data };
+        let of_bytes = |bytes: &Vec<u8>| filtered::<1>(|index| f32::from(bytes[index]), old, new);
+        let alpha = self.alpha.as_ref().map(|alpha| rounded(&of_bytes(alpha)).0);
         let counts = |share: f32| if share >= COVERAGE_MIN * 255.0 { 255 } else { 0 };
-        let mask = self.mask.as_ref().map(|mask| filtered::<1>(mask, old, new).into_iter().map(counts).collect());
+        let mask = self.mask.as_ref().map(|mask| of_bytes(mask).into_iter().map(counts).collect());
         Self {
             name: self.name.clone(),
             image_path: self.image_path.clone(),
             time: self.time,
             camera_id: self.camera_id.clone(),
+            fine: self.fine.is_some().then_some(rests),
             alpha,
             mask,
             exposure: self.exposure,
@@ -34,12 +35,12 @@ impl View {
     }
 }
 
-/// `CHANNELS` interleaved bytes, row by row, filtered by area.
-fn filtered<const CHANNELS: usize>(bytes: &[u8], old: (usize, usize), new: (usize, usize)) -> Vec<f32> {
+/// `CHANNELS` interleaved values by their indices, row by row, filtered by area.
+fn filtered<const CHANNELS: usize>(value: impl Fn(usize) -> f32, old: (usize, usize), new: (usize, usize)) -> Vec<f32> {
     let mut resampler = AreaResampler::<CHANNELS>::new(old, new);
     let mut row = vec![0.0; CHANNELS * old.0];
-    for bytes in bytes.chunks_exact(CHANNELS * old.0) {
-        row.iter_mut().zip(bytes).for_each(|(value, byte)| *value = f32::from(*byte));
+    for y in 0..old.1 {
+        row.iter_mut().enumerate().for_each(|(x, out)| *out = value(y * CHANNELS * old.0 + x));
         resampler.push_row(&row);
     }
     resampler.finish()

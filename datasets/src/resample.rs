@@ -1,5 +1,6 @@
 //! From a decoded photo to training size: lens distortion undone, masks applied, downscaled.
 
+use crate::frame::rounded;
 use crate::mask::Mask;
 use crate::pixels::Photo;
 use crate::resize::AreaResampler;
@@ -10,18 +11,18 @@ use crate::undistort::{Undistortion, sample};
 pub(crate) const COVERAGE_MIN: f32 = 0.999;
 
 /// Undistorts, masks and downscales to `target`, at most the size of the ideal image, row by row: beside the decoded
-/// photo only one row is held in floats.
+/// photo only one row is held in floats. The bytes, the rests of [`rounded`], and the mask.
 pub(crate) fn resample(
     photo: Photo,
     masks: &[Mask],
     undistortion: Option<&Undistortion>,
     target: (usize, usize),
-) -> (Vec<u8>, Option<Vec<u8>>) {
+) -> (Vec<u8>, Vec<i8>, Option<Vec<u8>>) {
     let size = photo.size();
     let ideal = undistortion.map_or(size, Undistortion::ideal_size);
     let plain = masks.is_empty() && undistortion.is_none();
     let photo = match photo {
-        Photo::Rgb8(image) if plain && size == target => return (image.into_raw(), None),
+        Photo::Rgb8(image) if plain && size == target => return (image.into_raw(), Vec::new(), None),
         other => other,
     };
     let mut colors = AreaResampler::<3>::new(ideal, target);
@@ -38,11 +39,11 @@ pub(crate) fn resample(
             coverage.push_row(&row_coverage);
         }
     }
-    let data = colors.finish().into_iter().map(|value| value.round().clamp(0.0, 255.0) as u8).collect();
+    let (data, rests) = rounded(&colors.finish());
     let mask = coverage.map(|coverage| {
         coverage.finish().into_iter().map(|share| if share >= COVERAGE_MIN { 255 } else { 0 }).collect::<Vec<u8>>()
     });
-    (data, mask.filter(|mask| mask.contains(&0)))
+    (data, rests, mask.filter(|mask| mask.contains(&0)))
 }
 
 fn undistort_row(photo: &Photo, undistortion: &Undistortion, y: usize, row: &mut [f32], coverage: &mut [f32]) {

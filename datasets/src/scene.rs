@@ -5,6 +5,7 @@ use std::fmt;
 use glam::{DMat4, DVec3};
 use gs_base::mean;
 
+use crate::convention::{LLFF, OPENCV, OPENGL, PoseConvention};
 use crate::frame::View;
 use crate::subject::{subject_distance, without_strays};
 
@@ -45,6 +46,21 @@ impl fmt::Display for SceneFormat {
             Self::Filmed => "multipleview (sparse_)",
             Self::Nerfies => "Nerfies (camera/NAME.json)",
         })
+    }
+}
+
+impl PoseConvention {
+    /// The convention of a format's own files.
+    pub fn of(format: SceneFormat) -> Self {
+        let (world_to_camera, axes) = match format {
+            SceneFormat::Transforms | SceneFormat::RealityScan => (false, OPENGL),
+            SceneFormat::ColmapText | SceneFormat::ColmapBinary | SceneFormat::Filmed | SceneFormat::Panoptic => {
+                (true, OPENCV)
+            }
+            SceneFormat::Llff => (false, LLFF),
+            SceneFormat::CameraTexts | SceneFormat::Nerfies => (false, OPENCV),
+        };
+        Self { world_to_camera, axes }
     }
 }
 
@@ -102,6 +118,8 @@ pub struct Scene {
     pub origin: DVec3,
     /// The layout that was read.
     pub format: SceneFormat,
+    /// The convention by which the poses of its files were read.
+    pub poses: PoseConvention,
     /// Repairs and omissions, in sentences. They are also logged.
     pub warnings: Vec<String>,
     /// Smallest and largest [`View::time`] over training and held-out views; `None` in a static scene.

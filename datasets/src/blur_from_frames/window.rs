@@ -8,12 +8,13 @@ use serde_json::{Value, json};
 
 use super::BlurFromFrames;
 use super::camera::{StaticCamera, Windows};
+use crate::behind::Behind;
 use crate::error::DatasetError;
 use crate::image_io::write_png;
 use crate::light::{linear_of_bytes, to_byte, to_linear};
 use crate::mask::Mask;
 use crate::mask::{MaskFile, White};
-use crate::pixels::{self, Behind, Photo};
+use crate::pixels::{self, Photo};
 use crate::pose::opencv_from_opengl;
 use crate::projection::Projection;
 use crate::raw::RawFrame;

@@ -12,7 +12,7 @@ use crate::error::DatasetError;
 use crate::face::Face;
 use crate::findings::Findings;
 use crate::names::some_names;
-use crate::notes::{ViewNote, few_levels, off_photo_warning, suspicion};
+use crate::notes::{ViewNote, few_levels, off_photo_warning, say_depth, suspicion};
 use crate::one_color;
 use crate::priors::summary::{self, Noted};
 use crate::projection::Projection;
@@ -72,6 +72,8 @@ pub(super) fn describe(
     }
     findings.warn_all(off_photo_warning(&report.path, &decoded));
     findings.warn_all(few_levels(&report.path, &decoded, decoder.behind.levels));
+    say_depth(&report.path, &decoded, findings);
+    report.facts.append(&mut findings.take_facts());
     let pinholes = || decoded.iter().filter(|value| value.projection == Projection::Pinhole);
     let across = |value: fn(&ViewNote) -> f64| range(pinholes().map(value)).map(shown);
     let x = across(|value| value.intrinsics.fx);

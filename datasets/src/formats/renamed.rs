@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use gs_base::agree;
 
+use super::masks::FOLDERS;
 use super::unicode::{outline, same_but_for_form};
 use crate::folder::{entries, file_name};
 use crate::foreign::{CONVERT, Foreign, is_photo};
@@ -171,5 +172,6 @@ fn walk(folder: &Path, depth: usize, left: &mut usize, list: &mut impl FnMut(&Pa
 
 /// Folders of masks and maps hold images of the same names; they are no photos.
 fn holds_maps(path: &Path) -> bool {
-    ["masks", "mask", "depth", "depths", "normals"].contains(&file_name(path).to_lowercase().as_str())
+    let name = file_name(path).to_lowercase();
+    ["depth", "depths", "normals"].contains(&name.as_str()) || FOLDERS.contains(&name.as_str())
 }

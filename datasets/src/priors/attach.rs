@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::depth;
-use super::map::{Map, same_shape};
+use crate::behind::Behind;
 use crate::error::DatasetError;
 use crate::frame::{DepthPrior, DepthSpace, Priors, RgbImage8, Truth};
+use crate::map::{Map, same_shape};
 use crate::options::DepthKind;
 use crate::pixels;
 use crate::resample::resample;
@@ -18,9 +19,9 @@ pub(crate) struct PhotoShape {
     pub size: (usize, usize),
     /// Width and height to load at.
     pub target: (usize, usize),
-    /// Its lens distortion is removed.
+    /// Its lens distortion is removed, or pinhole views are made of it.
     pub undistorted: bool,
-    pub behind: pixels::Behind,
+    pub behind: Behind,
 }
 
 /// Why a file was not used.
@@ -32,7 +33,7 @@ pub(crate) enum Reason {
     Size(String),
     /// It cannot be read.
     Broken(String),
-    /// The photo's lens distortion is removed, the file's is not.
+    /// The photo's lens distortion is removed, or it is resampled to pinhole views; the file is not.
     Distorted,
     /// A depth map without two values that differ.
     Flat,
@@ -150,7 +151,7 @@ fn picture(path: &Path, photo: &PhotoShape) -> Result<RgbImage8, Reason> {
     if !same_shape(size, photo.size) || size.0 < width || size.1 < height {
         return Err(wrong_size(size, photo.size));
     }
-    let (data, _) = resample(image, &[], None, photo.target);
+    let (data, ..) = resample(image, &[], None, photo.target);
     Ok(RgbImage8 { width, height, data })
 }
 

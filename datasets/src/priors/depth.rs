@@ -5,10 +5,10 @@ use std::path::Path;
 use gs_base::{guarded, npy};
 use image::DynamicImage;
 
-use super::exr;
-use super::map::Map;
 use crate::error::DatasetError;
+use crate::exr_file;
 use crate::frame::DepthSpace;
+use crate::map::Map;
 use crate::mask;
 use crate::options::DepthKind;
 use crate::pixels;
@@ -38,7 +38,7 @@ fn open(path: &Path) -> Result<Content, DatasetError> {
     let bytes = guarded::read(path, guarded::IMAGE_MAX)?;
     if bytes.starts_with(npy::MAGIC) {
         Ok(Content::Numpy(npy::parse(path, &bytes)?))
-    } else if bytes.starts_with(exr::MAGIC) {
+    } else if bytes.starts_with(exr_file::MAGIC) {
         Ok(Content::Exr(bytes))
     } else {
         pixels::decode(path).map(Content::Picture)
@@ -55,7 +55,7 @@ pub(super) fn depth(path: &Path, meaning: DepthMeaning) -> Result<Depth, Dataset
     let mut is_integer = false;
     let mut map = match open(path)? {
         Content::Numpy(array) => raster(path, array, 1)?,
-        Content::Exr(bytes) => exr::parse(path, &bytes, exr::DEPTH)?,
+        Content::Exr(bytes) => exr_file::parse(path, &bytes, exr_file::DEPTH)?,
         Content::Picture(picture) => {
             is_integer = true;
             is_8_bit = picture.color().bytes_per_pixel() == picture.color().channel_count();
@@ -117,7 +117,7 @@ pub(super) fn confidence(path: &Path) -> Result<Map<f32>, DatasetError> {
 pub(super) fn vectors(path: &Path) -> Result<Map<f32>, DatasetError> {
     let mut map = match open(path)? {
         Content::Numpy(array) => raster(path, array, 3)?,
-        Content::Exr(bytes) => exr::parse(path, &bytes, exr::VECTOR)?,
+        Content::Exr(bytes) => exr_file::parse(path, &bytes, exr_file::VECTOR)?,
         Content::Picture(_) => {
             let found = "a picture".to_string();
             return Err(DatasetError::malformed(path, "velocity", "an OpenEXR file or a NumPy array", found));
@@ -137,7 +137,7 @@ pub(super) fn objects(path: &Path) -> Result<Map<u8>, DatasetError> {
     };
     match open(path)? {
         Content::Numpy(array) => raster(path, array, 1).map(binary),
-        Content::Exr(bytes) => exr::parse(path, &bytes, exr::DEPTH).map(binary),
+        Content::Exr(bytes) => exr_file::parse(path, &bytes, exr_file::DEPTH).map(binary),
         Content::Picture(picture) => {
             let (width, height) = (picture.width() as usize, picture.height() as usize);
             let threshold = mask::threshold(path);

@@ -2,8 +2,6 @@
 //!
 //! ```text
 //! sources.rs    which files belong to a photo: JSON keys, or side folders
-//! exr.rs        OpenEXR channels: bytes -> numbers, whatever they mean
-//! map.rs        a raster of one kind, its size, the nearest pixel at another size
 //! depth.rs      numbers -> depth: what they mean, which of them are unknown
 //! attach.rs     all of a photo's files at training size, or why one is left out
 //! summary.rs    the sentences about many photos
@@ -14,7 +12,5 @@
 
 pub(crate) mod attach;
 pub(crate) mod depth;
-pub(crate) mod exr;
-pub(crate) mod map;
 pub(crate) mod sources;
 pub(crate) mod summary;

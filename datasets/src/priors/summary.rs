@@ -41,7 +41,7 @@ fn left_out(scene: &Path, views: &[Noted], findings: &mut Findings) {
                 Reason::Size(sizes) => ("have another shape than their photos", sizes.clone()),
                 Reason::Broken(error) => ("cannot be read", error.clone()),
                 Reason::Distorted => (
-                    "show the lens distortion that is removed from their photos, and are not undistorted with them",
+                    "show the lens distortion or the wide angle of their photos, and are not resampled with them",
                     String::new(),
                 ),
                 Reason::Flat => ("hold one value, or none above 0", String::new()),

@@ -60,21 +60,21 @@ fn relative_paths_are_not_looked_for_in_other_folders() {
 
 #[test]
 fn photos_in_another_container_beside_the_names_are_named() {
-    let exr = b"\x76\x2f\x31\x01\x02\0\0\0";
+    let gif = b"GIF89a\x08\0\x06\0";
     let folder = Folder::new();
     example(&folder).write_binary(&folder, "sparse/0");
     std::fs::remove_dir_all(folder.file("images")).expect("removed");
     for name in ["b", "left/a"] {
-        folder.write(&format!("images/{name}.exr"), exr);
+        folder.write(&format!("images/{name}.gif"), gif);
     }
-    folder.refused_by_both(&all(), &["2 of them are there as OpenEXR (b.exr): convert"]);
+    folder.refused_by_both(&all(), &["2 of them are there as GIF (b.gif): convert"]);
     let (folder, top) = ring_scene(2);
     for name in ["00", "01"] {
         std::fs::remove_file(folder.file(&format!("images/{name}.png"))).expect("removed");
-        folder.write(&format!("images/{name}.exr"), exr);
+        folder.write(&format!("images/{name}.gif"), gif);
     }
     folder.write_json("transforms.json", &top);
-    folder.refused_by_both(&all(), &["2 of them are there as OpenEXR (images/00.exr): convert"]);
+    folder.refused_by_both(&all(), &["2 of them are there as GIF (images/00.gif): convert"]);
 }
 
 #[test]
@@ -136,7 +136,11 @@ fn masks_beside_photos_are_used() {
     assert_eq!((kept[7], kept[8]), (0, 255));
     assert_eq!(mask(MaskUse::KeepBlack).expect("a mask")[7], 255);
     assert_eq!((mask(MaskUse::Ignore), mask(MaskUse::Moving)), (None, None));
-    assert!(check(folder.path(), &all()).to_string().contains("1 file NAME.mask.png beside photos is a mask"));
+    let said = check(folder.path(), &all()).to_string();
+    assert!(
+        said.contains("1 file named after photos is a mask, black is ignored; 1 photo without one counts"),
+        "{said}"
+    );
     // Where things move, they mark what moves.
     for i in 0..2 {
         top["frames"][i]["time"] = json!(i);
@@ -153,15 +157,7 @@ fn masks_beside_photos_are_used() {
 
 #[test]
 fn masks_by_other_names_are_named() {
-    for name in [
-        "masks/00.png",
-        "mask/00.png",
-        "segmentation/images/00.png",
-        "images/masks/00.jpg",
-        "masks/00_mask.png",
-        "images/00_mask.png",
-        "masks/00.png.png",
-    ] {
+    for name in ["sky_masks/00.png", "mattes/images/00.png", "images/alpha/00.jpg", "segments/00.png.png"] {
         let (folder, top) = ring_scene(2);
         folder.write_json("transforms.json", &top);
         folder.grey(name, 32, 24, |x, _| (8 * x) as u8);

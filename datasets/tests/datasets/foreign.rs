@@ -6,12 +6,11 @@ use serde_json::json;
 use crate::fixtures::{Folder, all, ring_scene};
 
 /// First bytes of files in other containers.
-const FOREIGN: [(&str, &str, &[u8]); 5] = [
+const FOREIGN: [(&str, &str, &[u8]); 4] = [
     ("heic", "HEIC", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic"),
     ("avif", "AVIF", b"\0\0\0\x18ftypavif\0\0\0\0mif1avif"),
     ("gif", "GIF", b"GIF89a\x08\0\x06\0"),
     ("bmp", "BMP", b"BM\x8a\0\0\0\0\0\0\0\x8a\0\0\0"),
-    ("exr", "OpenEXR", b"\x76\x2f\x31\x01\x02\0\0\0"),
 ];
 
 const VIDEOS: [(&str, &[u8]); 4] = [

@@ -16,6 +16,7 @@ mod hostile_priors;
 mod image_io;
 mod layouts;
 mod lens_formulas;
+mod linear;
 mod log;
 mod masks;
 mod meant;

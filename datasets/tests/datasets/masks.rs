@@ -75,6 +75,40 @@ fn instant_ngp_masks_ignore_where_white() {
     assert_eq!((mask[5 * 32], mask[6 * 32]), (0, 255));
 }
 
+/// Masks that no description names: each pattern alone, at the photo's size and at half of it.
+#[test]
+fn masks_by_usual_names_ignore_where_black() {
+    let patterns = [
+        "masks/@.png.png",
+        "masks/@.png",
+        "masks/images/@.png",
+        "mask/@.jpg",
+        "Mask/@_mask.png",
+        "images_masks/@.png",
+        "segmentation/@.png",
+        "images/masks/@.png.png",
+        "images/@.mask.png",
+        "images/@_mask.png",
+    ];
+    for (pattern, half) in patterns.iter().flat_map(|pattern| [1, 2].map(|half| (pattern, half))) {
+        let (folder, top) = ring_scene(2);
+        folder.write_json("transforms.json", &top);
+        let write = |photo: &str| {
+            folder.grey(&pattern.replace('@', photo), 32 / half, 24 / half, |x, _| if x < 8 / half { 0 } else { 255 });
+        };
+        write("00");
+        let (mask, warnings) = mask_of(&folder, MaskUse::Auto, None);
+        let mask = mask.unwrap_or_else(|| panic!("{pattern}: no mask"));
+        assert_eq!((mask[7], mask[8], mask.len()), (0, 255, 32 * 24), "{pattern}");
+        assert_eq!(warnings.len(), 1, "{pattern}: {warnings:?}");
+        assert!(warnings[0].contains("is a mask, black is ignored; 1 photo without one counts whole"), "{warnings:?}");
+        assert_eq!(mask_of(&folder, MaskUse::Ignore, None), (None, Vec::new()));
+        assert_eq!(mask_of(&folder, MaskUse::KeepBlack, None).0.expect("a mask")[7], 255);
+        write("01");
+        assert_eq!(mask_of(&folder, MaskUse::Auto, None).1, [""; 0], "{pattern}");
+    }
+}
+
 #[test]
 fn masks_that_ignore_nearly_everything_raise_suspicion() {
     let (folder, _) = masked();

@@ -1,10 +1,11 @@
 //! Data read as the user says that they are meant: pose conventions, units of points, levels of deep photos; outliers
 //! that set no scale.
 
-use gs_datasets::{LoadOptions, PoseConvention, check, load};
+use gs_datasets::{LoadOptions, PoseConvention, check, load, load_cameras_by};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use serde_json::json;
 
+use crate::colmap_writer::example;
 use crate::fixtures::{Folder, all, cloud, move_camera, ring, ring_scene, rows};
 
 #[test]
@@ -20,8 +21,29 @@ fn poses_of_any_convention_are_read_as_one() {
         for (view, usual) in scene.train.iter().zip(&usual.train) {
             assert!(view.c2w.abs_diff_eq(usual.c2w, 1e-12), "{text}: {} for {}", view.c2w, usual.c2w);
         }
+        same_cameras(&folder, convention);
         let other = folder.load(&all());
         assert!(!other.train[0].c2w.abs_diff_eq(usual.train[0].c2w, 0.1), "{text} makes a difference");
+    }
+}
+
+/// Cameras for rendering are read as those of the photos.
+fn same_cameras(folder: &Folder, convention: PoseConvention) {
+    let scene = folder.load(&LoadOptions { poses: Some(convention), ..all() });
+    let cameras = load_cameras_by(folder.path(), Some(convention)).expect("cameras");
+    assert_eq!(cameras.len(), scene.train.len());
+    for (camera, view) in cameras.iter().zip(&scene.train) {
+        let c2w = glam::DMat4::from_translation(-scene.origin) * camera.c2w;
+        assert!(c2w.abs_diff_eq(view.c2w, 1e-12), "{convention}: {} for {}", c2w, view.c2w);
+    }
+}
+
+#[test]
+fn cameras_of_a_model_are_read_as_its_photos() {
+    let folder = Folder::new();
+    example(&folder).write_binary(&folder, "sparse/0");
+    for text in ["c2w-opencv", "w2c-right-up-forward"] {
+        same_cameras(&folder, text.parse().expect("a convention"));
     }
 }
 
@@ -83,7 +105,7 @@ fn deep_photos_of_few_levels_are_told_and_stretched() {
     let expected = 255.0 * (3000.0 / 65535.0 - 0.0442) / 0.0062;
     let place = (0..32 * 24).find(|pixel| (pixel * 7) % 401 == 100).expect("a pixel of that level");
     assert!((f64::from(scene.train[0].image.data[3 * place]) - expected).abs() <= 0.5, "{expected}");
-    for wrong in [[0.5, 0.5], [-0.1, 1.0], [0.0, 1.1], [f64::NAN, 1.0]] {
+    for wrong in [[0.5, 0.5], [-0.1, 1.0], [0.0, f64::INFINITY], [f64::NAN, 1.0]] {
         assert!(load(folder.path(), &LoadOptions { levels: Some(wrong), ..all() }).is_err(), "{wrong:?}");
     }
 }

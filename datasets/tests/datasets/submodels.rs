@@ -60,7 +60,9 @@ fn a_model_with_few_of_the_photos_is_warned_about() {
     model.images.truncate(2);
     model.write_text(&folder, "sparse/0");
     folder.write("images/._z.png", b"");
-    folder.grey("images/b.mask.png", 40, 30, |x, _| (x * 6) as u8);
+    for photo in ["b", "left/a"] {
+        folder.grey(&format!("images/{photo}.mask.png"), 40, 30, |x, _| (x * 6) as u8);
+    }
     let report = check(folder.path(), &all());
     assert!(report.warnings.is_empty() && report.to_string().contains("2 of 4 photos in "), "{report}");
     folder.photo("images/c.png", 40, 30);

@@ -5,7 +5,7 @@ use gs_datasets::{Holdout, LoadOptions, View, check, load, load_cameras};
 use serde_json::{Value, json};
 
 use crate::colmap::{Camera, Image, Model};
-use crate::fixtures::{Folder, all, names, ring};
+use crate::fixtures::{Folder, all, names, npy_f32, ring, warned};
 use crate::lens_formulas::{direction, shown};
 
 const SIZE: (usize, usize) = (160, 120);
@@ -91,6 +91,22 @@ fn every_lens_becomes_pinhole_views() {
             assert!((view.c2w.w_axis - scene.train[0].c2w.w_axis).length() < 1e-12, "one position");
         }
         assert!(counting > SIZE.0 * SIZE.1 / 2, "model {model}: {counting} pixels");
+    }
+}
+
+#[test]
+fn depth_beside_wide_photos_is_left_out_with_a_sentence() {
+    for (model, params, views) in [(14, vec![92.0, 79.0, 61.5], 1), (17, vec![160.0, 120.0], 6)] {
+        let folder = photographed(model, &params, SIZE);
+        folder.write("depth/a.npy", npy_f32("(120, 160)", &[2.0; 120 * 160]));
+        let scene = folder.load(&all());
+        assert!(scene.train.iter().all(|view| view.priors.depth.is_none()));
+        let sentence = |count| format!("depth priors of {count} of {count} view");
+        warned(&scene.warnings, &[&sentence(views), "wide angle of their photos, and are not resampled"]);
+        warned(
+            &check(folder.path(), &all()).warnings,
+            &[&sentence(1), "wide angle of their photos, and are not resampled"],
+        );
     }
 }
 

@@ -174,6 +174,11 @@ fn photos() {
     fuzz("photos", SHORT);
 }
 
+#[test]
+fn photos_in_light() {
+    fuzz("photos in light", SHORT);
+}
+
 /// Sizes that are within every limit, on files of some hundred bytes.
 #[test]
 fn a_header_cannot_ask_for_more_than_its_file_could_hold() {

@@ -42,7 +42,23 @@ pub const SEEDS: &[Seed] = &[
     Seed { name: "wide lenses", write: fisheye_and_panorama, files: &["transforms.json"] },
     Seed { name: "Panoptic", write: dome, files: &["train_meta.json", "test_meta.json"] },
     Seed { name: "photos", write: ring_of_cameras, files: &["images/00.png", "images/01.jpg", "masks/02.png"] },
+    Seed { name: "photos in light", write: ring_in_light, files: &["images/00.exr", "images/01.hdr"] },
 ];
+
+/// Still photos in linear light.
+fn ring_in_light() -> Folder {
+    let (folder, top) = ring_scene(3);
+    let light: Vec<f32> = (0..32 * 24).map(|i| i as f32 / 600.0).collect();
+    let channels = [("A", &light[..]), ("B", &light), ("G", &light), ("R", &light)];
+    write_exr(&folder.file("images/00.exr"), 32, 24, &channels).expect("written");
+    let photo = image::Rgb32FImage::from_fn(32, 24, |x, y| image::Rgb([light[(32 * y + x) as usize]; 3]));
+    photo.save(folder.file("images/01.hdr")).expect("written");
+    for name in ["images/00.png", "images/01.png"] {
+        std::fs::remove_file(folder.file(name)).expect("removed");
+    }
+    folder.write_json("transforms.json", &top);
+    folder
+}
 
 /// Still photos with masks, a JPEG among them, and points in three encodings.
 fn ring_of_cameras() -> Folder {

@@ -9,7 +9,7 @@ use burn::tensor::Device;
 use glam::{DMat4, DVec3};
 use gs_base::counted;
 use gs_burn::limits::{gaussians_within, largest_buffer, too_many_gaussians};
-use gs_datasets::{CheckReport, DatasetError, LoadOptions, Scene, View};
+use gs_datasets::{CheckReport, DatasetError, LoadOptions, PoseConvention, Scene, View};
 use gs_driving::{LogFormat, logs_in};
 use gs_models::{DynamicScene, Shutter};
 use gs_multiview::PoseVerdict;
@@ -223,7 +223,7 @@ pub fn load<M: SceneMethod>(path: &Path, config: &FitConfig<M::Config>) -> Resul
 /// format's own.
 fn load_posed(path: &Path, options: LoadOptions) -> Result<Scene, DatasetError> {
     let mut scene = gs_datasets::load(path, &options)?;
-    let (judgement, is_open) = (judge_scene(&scene, &options), options.poses.is_none());
+    let (judgement, is_open) = (judge_scene(&scene), options.poses.is_none());
     if let PoseVerdict::Convention(other, _) = judgement.verdict
         && is_open
     {
@@ -268,7 +268,9 @@ fn options<M: SceneMethod>(config: &FitConfig<M::Config>) -> LoadOptions {
 
 fn plan<M: SceneMethod>(job: &Job, config: &FitConfig<M::Config>, data: &Data<M>) -> Plan {
     let views = Fingerprint::of(&data.scene);
-    let origin = Origin::new(M::NAME, config.to_toml(), full_path(&job.dataset), data.scene.origin, views);
+    let scene = &data.scene;
+    let mut origin = Origin::new(M::NAME, config.to_toml(), full_path(&job.dataset), scene.origin, views);
+    origin.poses = (scene.poses != PoseConvention::of(scene.format)).then(|| scene.poses.to_string());
     let fact = |(name, value, key): (&str, String, &str)| (name.to_string(), value, key.to_string());
     Plan {
         steps: config.steps,
@@ -399,6 +401,7 @@ impl<M: SceneMethod> Pipeline for Fit<M> {
         let run = SceneRun {
             pipeline: M::NAME.into(),
             dataset: checkpoint.origin.dataset.clone(),
+            poses: checkpoint.origin.poses.as_ref().and_then(|poses| poses.parse().ok()),
             step: notes.counters.step,
             described: model.method.described(),
         };

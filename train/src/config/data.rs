@@ -152,8 +152,9 @@ section! {
         points_scale: f64 = 1.0, in Only("above 0", |scale: &f64| *scale > 0.0 && scale.is_finite());
         /// The order of the files of an LLFF set.
         row_order: RowChoice = RowChoice::Auto;
-        /// Levels that become black and white, shares of the full range, for photos that use little of it.
-        levels: [f64; 2] = FULL_RANGE, in Only("two shares, 0 <= black < white <= 1", are_levels);
+        /// Levels that become black and white, shares of the full range, for photos that use little of it; of photos
+        /// in linear light, shares of 1, and white may be above.
+        levels: [f64; 2] = FULL_RANGE, in Only("two shares, 0 <= black < 1 and black < white", are_levels);
         /// Colour behind the scene and behind transparent pixels.
         background: Background = Background::Found(Auto::Auto),
             in Only("three numbers from 0 to 1", Background::is_in_range);
@@ -239,7 +240,7 @@ fn is_convention(poses: &String) -> bool {
 }
 
 fn are_levels([black, white]: &[f64; 2]) -> bool {
-    (0.0..1.0).contains(black) && white > black && *white <= 1.0
+    (0.0..1.0).contains(black) && white > black && white.is_finite()
 }
 
 fn check_names(data: &DataConfig) -> Result<(), ConfigError> {

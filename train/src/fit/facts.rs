@@ -205,6 +205,7 @@ mod tests {
             points: None,
             origin: glam::DVec3::ZERO,
             format: SceneFormat::Transforms,
+            poses: gs_datasets::PoseConvention::of(SceneFormat::Transforms),
             warnings: Vec::new(),
             time_range: None,
         }

@@ -313,6 +313,7 @@ mod tests {
             time: None,
             camera_id: None,
             image: gs_datasets::RgbImage8 { width: size, height: size, data },
+            fine: None,
             alpha: None,
             mask: None,
             exposure: None,

@@ -18,7 +18,7 @@ use super::region::Region;
 pub struct Photo<X> {
     /// The photo's camera.
     pub camera: Camera,
-    /// `[H, W, 3]`, 0 to 1, encoded as the file is.
+    /// `[H, W, 3]`, 0 to 1, encoded as the file is; sRGB of a file in linear light.
     pub image: Tensor<3>,
     /// `[H, W, 1]`: 1 = compare, 0 = ignore; `None` if every pixel counts.
     pub mask: Option<Tensor<3>>,
@@ -173,7 +173,7 @@ impl<'a, X: Extra> Photos<'a, X> {
         let device = &self.device;
         Photo {
             camera: camera(view, device),
-            image: to_tensor(view, &view.image.data, 3, device),
+            image: colors_of(view, device),
             mask: match self.region {
                 Some(region) => Some(to_tensor(view, &region.mask(view), 1, device)),
                 None => mask_of(view, device),
@@ -197,6 +197,13 @@ pub fn camera(view: &View, device: &Device) -> Camera {
 /// The mask of a view, `[H, W, 1]`: 1 where it counts; `None` if every pixel does.
 pub fn mask_of(view: &View, device: &Device) -> Option<Tensor<3>> {
     view.mask.as_ref().map(|mask| to_tensor(view, mask, 1, device))
+}
+
+/// The colours of a view that has its pixels, `[H, W, 3]`, 0 to 1, at the depth of its file.
+pub fn colors_of(view: &View, device: &Device) -> Tensor<3> {
+    let levels = (0..view.image.data.len()).into_par_iter().with_min_len(1 << 14);
+    let floats: Vec<f32> = levels.map(|index| view.level(index) / 255.0).collect();
+    Tensor::from_data(TensorData::new(floats, [view.height, view.width, 3]), device)
 }
 
 /// Bytes of an image of the view's size as floats from 0 to 1, `[H, W, channels]`.

@@ -57,8 +57,8 @@ pub fn no_pixels(dataset: &Path) -> String {
     )
 }
 
-/// Poses judged by the photos and points of a scene; `options` are those it was loaded with.
-pub fn judge_scene(scene: &Scene, options: &LoadOptions) -> PoseJudgement {
+/// Poses judged by the photos and points of a scene.
+pub fn judge_scene(scene: &Scene) -> PoseJudgement {
     let cameras: Vec<Camera> = scene.train.iter().map(|view| Camera { c2w: view.c2w, time: view.time }).collect();
     let chosen = pose_pairs(&cameras);
     // Views whose photos are decoded when they are asked for are looked at as `judge_dataset` does.
@@ -71,8 +71,7 @@ pub fn judge_scene(scene: &Scene, options: &LoadOptions) -> PoseJudgement {
         .map(|(view, narrow)| narrow.as_ref().unwrap_or(&scene.train[*view]).decoded())
         .collect();
     let views: Vec<&View> = views.iter().map(|view| &**view).collect();
-    let read = options.poses.unwrap_or_else(|| PoseConvention::of(scene.format));
-    judge_poses(&views, &chosen.pairs, scene.points.as_ref(), scene.origin, read)
+    judge_poses(&views, &chosen.pairs, scene.points.as_ref(), scene.origin, scene.poses)
 }
 
 /// Width of the photos by which [`judge_dataset`] judges, pixels: twice that at which corners are matched.

@@ -42,12 +42,16 @@ pub struct Origin {
     origin_bits: [u64; 3],
     /// The views it was trained on.
     pub views: Fingerprint,
+    /// The convention by which the data set's poses were read, if it is not its format's own.
+    #[serde(default)]
+    pub poses: Option<String>,
 }
 
 impl Origin {
     /// A run on `dataset`, with `origin` subtracted from its world.
     pub fn new(pipeline: &str, config: String, dataset: PathBuf, origin: DVec3, views: Fingerprint) -> Self {
-        Self { pipeline: pipeline.into(), config, dataset, origin_bits: origin.to_array().map(f64::to_bits), views }
+        let origin_bits = origin.to_array().map(f64::to_bits);
+        Self { pipeline: pipeline.into(), config, dataset, origin_bits, views, poses: None }
     }
 
     /// Position that was subtracted from the data set's world, scene units.

@@ -42,8 +42,9 @@ const RENDERING_FLOATS_PER_GAUSSIAN: u64 = 8 + 3 + 1 + 7;
 /// channels and its work space.
 const STEP_FLOATS_PER_PIXEL: u64 = 3 * 4 + 9 + 9;
 
-/// Bytes per pixel of a photo that is being decoded: of the file as it is, and of the view.
-const DECODING_BYTES_PER_PIXEL: u64 = 6;
+/// Bytes per pixel of a photo that is being decoded: of the file as it is, and of the view. One of more than 8 bits is
+/// held as floats too, with an alpha where it is in linear light.
+const DECODING_BYTES_PER_PIXEL: [u64; 2] = [6, 34];
 
 /// Program (23 MiB of it are read), thread stacks and allocator; measured on Linux with the CPU backend.
 const PROGRAM_BYTES: u64 = 48 << 20;
@@ -92,8 +93,10 @@ impl Prediction {
         let (name, stored) = match scene.train.first().is_some_and(|view| view.source.is_some()) {
             false => ("photos", views().map(stored_bytes).sum::<u64>() + reduced),
             true => {
-                let surveyed = surveyed(&scene.train).iter().map(stored_bytes).sum::<u64>();
-                let in_use = (AHEAD as u64 + 1) * DECODING_BYTES_PER_PIXEL * largest;
+                let surveyed = surveyed(&scene.train);
+                let is_deep = surveyed.iter().any(|view| view.fine.is_some());
+                let in_use = (AHEAD as u64 + 1) * DECODING_BYTES_PER_PIXEL[usize::from(is_deep)] * largest;
+                let surveyed = surveyed.iter().map(stored_bytes).sum::<u64>();
                 let bound = (config.data.memory_mb as u64) << 20;
                 ("photos decoded when asked for, by data.memory_mb", bound.max(surveyed) + in_use)
             }
@@ -118,13 +121,14 @@ impl Prediction {
     }
 }
 
-/// Bytes of a view in memory: photo, mask, priors, truth.
+/// Bytes of a view in memory: photo, its rests at 16 bits, mask, priors, truth.
 fn stored_bytes(view: &View) -> u64 {
     let (priors, truth) = (&view.priors, &view.truth);
     let images = [Some(&view.image), priors.sharp.as_ref(), truth.sharp.as_ref(), truth.blurry.as_ref()];
     let masks = [&view.mask, &priors.moving, &truth.moving, &truth.moving_union];
     let floats = [priors.depth.as_ref().map(|depth| &depth.values), truth.depth.as_ref(), truth.velocity.as_ref()];
     let sum = images.into_iter().flatten().map(|image| image.data.len()).sum::<usize>()
+        + view.fine.as_ref().map_or(0, Vec::len)
         + masks.into_iter().flatten().map(Vec::len).sum::<usize>()
         + floats.into_iter().flatten().map(|values| 4 * values.len()).sum::<usize>();
     sum as u64

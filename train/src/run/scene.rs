@@ -8,13 +8,14 @@ use glam::{DMat4, DVec3};
 use gs_base::local::is_far;
 use gs_base::{agree, counted, median};
 use gs_burn::{Gaussians, RenderOptions};
+use gs_datasets::PoseConvention;
 use gs_models::{DynamicScene, Shutter, Static};
 use gs_splats::{Splats, ply};
 
 use super::checkpoint::Checkpoint;
 use super::exchange::host::{gaussians_of, splats_of};
 use super::exchange::{MotionScene, Packed, READ, motion_of, offset_note, read_packed};
-use super::folder::RunFolder;
+use super::folder::{RunFolder, full_path};
 use super::presentation::{Camera, Presentation, PresentedScene};
 use crate::config::{Config, RenderConfig, brief};
 use crate::fit::density::ops::Draft;
@@ -47,10 +48,20 @@ pub struct SceneRun {
     pub pipeline: String,
     /// The data set.
     pub dataset: PathBuf,
+    /// The convention by which its poses were read, if it is not its format's own.
+    pub poses: Option<PoseConvention>,
     /// Steps taken.
     pub step: usize,
     /// Lines about the method: name and value.
     pub described: Vec<(&'static str, String)>,
+}
+
+impl SceneRun {
+    /// The convention by which poses in a file are read: in the data set's folder its own, else `None`.
+    pub fn poses_in(&self, file: &Path) -> Option<PoseConvention> {
+        let folder = if self.dataset.is_dir() { &self.dataset } else { self.dataset.parent()? };
+        self.poses.filter(|_| full_path(file).starts_with(folder))
+    }
 }
 
 /// The file of a scene.

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DMat4, DVec3};
 use gs_base::Intrinsics;
-use gs_datasets::{LoadOptions, Priors, RgbImage8, Scene, SceneFormat, Truth, View, load};
+use gs_datasets::{LoadOptions, PoseConvention, Priors, RgbImage8, Scene, SceneFormat, Truth, View, load};
 use gs_worlds::deblur::{self, DeblurOptions, write};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -54,6 +54,7 @@ impl World {
             points: None,
             origin: DVec3::ZERO,
             format: SceneFormat::Transforms,
+            poses: PoseConvention::of(SceneFormat::Transforms),
             warnings: Vec::new(),
             time_range: Some((0.0, 1.0)),
         }
@@ -97,6 +98,7 @@ impl World {
             time: Some(t),
             camera_id: Some(format!("cam{camera:02}")),
             image: RgbImage8 { width, height, data },
+            fine: None,
             alpha: None,
             mask: None,
             exposure: (tau > 0.0).then_some(tau),

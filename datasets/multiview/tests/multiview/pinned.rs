@@ -6,7 +6,7 @@
 
 use glam::DMat4;
 use gs_base::Intrinsics;
-use gs_datasets::{Priors, RgbImage8, Scene, SceneFormat, Truth, View};
+use gs_datasets::{PoseConvention, Priors, RgbImage8, Scene, SceneFormat, Truth, View};
 use gs_multiview::{MaskOptions, MaskSource, background, moving_masks, static_cameras};
 
 const WIDTH: usize = 256;
@@ -64,6 +64,7 @@ fn view(frame: usize) -> View {
         time: Some(frame as f64),
         camera_id: Some("cam".into()),
         image: RgbImage8 { width: WIDTH, height: HEIGHT, data },
+        fine: None,
         alpha: None,
         mask: None,
         exposure: None,
@@ -84,6 +85,7 @@ fn scene() -> Scene {
         points: None,
         origin: glam::DVec3::ZERO,
         format: SceneFormat::Transforms,
+        poses: PoseConvention::of(SceneFormat::Transforms),
         warnings: Vec::new(),
         time_range: Some((0.0, FRAMES as f64 - 1.0)),
     }

@@ -17,13 +17,13 @@ use gs_base::counted;
 use self::lenses::Lenses;
 use self::model::Model;
 use super::lookup::{Lookup, Reach};
+use crate::convention::PoseConvention;
 use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::frame::CameraPose;
-use crate::options::{LoadOptions, MaskUse};
+use crate::options::LoadOptions;
 use crate::priors::sources;
 use crate::raw::{RawFrame, RawPoints, RawScene};
-use crate::side_files::{Kind, SideFile, SideFiles};
 use crate::{names, pose};
 
 pub(crate) use self::find::{ModelFiles, find};
@@ -86,12 +86,14 @@ pub(crate) fn read(
     scene(files, model, options, findings)
 }
 
-/// The cameras of a model, one for each image, by name; no photo needs to exist. A lens distortion is left out.
-pub(crate) fn cameras(files: &ModelFiles) -> Result<Vec<CameraPose>, DatasetError> {
+/// The cameras of a model, one for each image, by name; poses by a convention, or `None` by COLMAP's. No photo needs to
+/// exist. A lens distortion is left out.
+pub(crate) fn cameras(files: &ModelFiles, poses: Option<PoseConvention>) -> Result<Vec<CameraPose>, DatasetError> {
     let (cameras_file, images_file) = (files.file("cameras"), files.file("images"));
     let cameras = files.cameras()?.into_iter().map(|(id, camera)| Ok((id, camera?)));
     let cameras = cameras.collect::<Result<HashMap<u32, model::Camera>, DatasetError>>()?;
     let images = files.images(false)?;
+    let own = PoseConvention::of(files.format);
     let pose = |image: &model::Image| {
         let camera = cameras.get(&image.camera_id).ok_or_else(|| {
             let expected = format!("a camera that {} lists", cameras_file.display());
@@ -102,7 +104,7 @@ pub(crate) fn cameras(files: &ModelFiles) -> Result<Vec<CameraPose>, DatasetErro
         let lens = camera.lens(image.camera_id, &cameras_file)?;
         Ok(CameraPose {
             name: names::output_name(Path::new(""), &image.name, &images_file)?,
-            c2w: pose::from_world_to_camera(image.q, image.t, &images_file, &image.name)?,
+            c2w: own.reread(poses, pose::from_world_to_camera(image.q, image.t, &images_file, &image.name)?),
             intrinsics: lens.pinhole(size, &cameras_file)?,
             width: size.0 as usize,
             height: size.1 as usize,
@@ -129,7 +131,6 @@ pub(crate) fn scene(
     files.say_others(model.images.len(), findings);
     let (cameras_file, images_file) = (files.file("cameras"), files.file("images"));
     let root = photos::folder(files, &model, options)?;
-    let mask_folder = photos::mask_folder(&root, options.masks);
     let mut lenses = Lenses::of(&model, files);
     let mut photos = Lookup::of(&root, model.images.iter().map(|image| image.name.as_str()), Reach::Anywhere);
     let mut frames = Vec::new();
@@ -139,14 +140,7 @@ pub(crate) fn scene(
         let Some(image_path) = photos.find(&image.name) else { continue };
         let c2w = pose::from_world_to_camera(image.q, image.t, &images_file, &image.name);
         let (Some(lens), Some(c2w)) = (lenses.lens(image), findings.take_posed(c2w)?) else { continue };
-        let mask = photos::mask(mask_folder.as_deref(), &image.name, options.masks);
-        let mut sides = SideFiles::default();
-        if options.masks == MaskUse::Moving && options.priors.masks && mask_folder.is_some() {
-            sides.files.push(SideFile { kind: Kind::Moving, path: mask.as_ref().map(|mask| mask.path.clone()) });
-        }
         frames.push(RawFrame {
-            masks: mask.filter(|_| options.masks != MaskUse::Moving).into_iter().collect(),
-            sides,
             camera_id: Some(image.camera_id.to_string()),
             ..RawFrame::posed(name, image_path, c2w, lens, cameras_file.clone())
         });

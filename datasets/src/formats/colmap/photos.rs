@@ -1,9 +1,9 @@
-//! Where the photos of a model and their masks lie.
+//! Where the photos of a model lie.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use gs_base::{agree, counted, guarded};
+use gs_base::{agree, counted};
 
 use super::find::ModelFiles;
 use super::model::Model;
@@ -11,9 +11,8 @@ use crate::error::DatasetError;
 use crate::findings::Findings;
 use crate::folder::{entries, file_name};
 use crate::formats::renamed::photos_below;
-use crate::mask::{MaskFile, White};
 use crate::names::{self, some_names};
-use crate::options::{LoadOptions, MaskUse};
+use crate::options::LoadOptions;
 
 /// How many images are looked for to tell which folder holds them.
 const PROBED: usize = 50;
@@ -104,21 +103,4 @@ pub(super) fn say_unregistered(files: &ModelFiles, folder: &Path, used: &HashSet
     } else {
         findings.warn(sentence);
     }
-}
-
-/// COLMAP's masks: `masks/<image name>.png` (or with the image's own extension replaced), black = ignore.
-pub(super) fn mask_folder(image_folder: &Path, masks: MaskUse) -> Option<PathBuf> {
-    let folder = image_folder.parent()?.join("masks");
-    (masks != MaskUse::Ignore && folder.is_dir()).then_some(folder)
-}
-
-pub(super) fn mask(folder: Option<&Path>, image: &str, masks: MaskUse) -> Option<MaskFile> {
-    let folder = folder?;
-    let whole = names::with_slashes(image);
-    let stem = whole.rsplit_once('.').map_or(whole.as_str(), |(stem, _)| stem);
-    let path = [folder.join(format!("{whole}.png")), folder.join(format!("{stem}.png"))]
-        .into_iter()
-        .find(|path| guarded::is_there(path))?;
-    let white = if masks == MaskUse::KeepBlack { White::Ignore } else { White::Keep };
-    Some(MaskFile { path, white })
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gs_base::{agree, counted, guarded};
+use gs_base::{agree, counted};
 use serde_json::{Map, Value};
 
 use super::frames::Entry;
@@ -74,7 +74,6 @@ pub(super) fn images(
             }
             _ => {}
         }
-        masks.extend(dynamic_mask(&image_path, options.masks));
         found.push(RawFrame {
             time: entry.time,
             camera_id: entry.camera_id,
@@ -235,14 +234,4 @@ fn blur_space(keys: &Keys, findings: &mut Findings) -> Result<(), DatasetError> 
         Some(other) => return Err(keys.wrong("blur_space", "\"linear\" or \"encoded\"", format!("{other:?}"))),
     }
     Ok(())
-}
-
-/// instant-ngp's mask beside the image: `dynamic_mask_<stem>.png`, where anything but black is ignored.
-fn dynamic_mask(image: &Path, masks: MaskUse) -> Option<MaskFile> {
-    if masks == MaskUse::Ignore {
-        return None;
-    }
-    let stem = image.file_stem()?.to_str()?;
-    let path = image.with_file_name(format!("dynamic_mask_{stem}.png"));
-    guarded::is_there(&path).then_some(MaskFile { path, white: White::Ignore })
 }

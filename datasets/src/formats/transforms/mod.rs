@@ -96,8 +96,9 @@ pub(crate) fn cameras_in(folder: &Path) -> Option<PathBuf> {
 }
 
 /// Reads the cameras of a JSON file, or of the first of transforms_render.json, transforms.json, transforms_test.json
-/// and transforms_train.json in a folder. Images are only opened for their size, where the file gives none.
-pub(crate) fn read_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError> {
+/// and transforms_train.json in a folder; poses by a convention, or `None` by the format's. Images are only opened for
+/// their size, where the file gives none.
+pub(crate) fn read_cameras(path: &Path, poses: Option<PoseConvention>) -> Result<Vec<CameraPose>, DatasetError> {
     let metadata = std::fs::metadata(path).map_err(|error| DatasetError::read(path, error))?;
     let file = if metadata.is_dir() {
         cameras_in(path).ok_or_else(|| DatasetError::UnknownFormat {
@@ -124,8 +125,11 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<CameraPose>, DatasetError>
     if entries.is_empty() {
         return Err(DatasetError::NoFrames { path: file, found: "an empty list of frames".to_string() });
     }
-    let cameras = entries.iter().enumerate().map(|(index, entry)| camera(index, entry, root, &file));
-    let mut cameras = cameras.collect::<Result<Vec<_>, _>>()?;
+    let cameras = entries.iter().enumerate().map(|(index, entry)| {
+        let own = PoseConvention::of(SceneFormat::Transforms);
+        Ok(CameraPose { c2w: own.reread(poses, entry.c2w), ..camera(index, entry, root, &file)? })
+    });
+    let mut cameras = cameras.collect::<Result<Vec<_>, DatasetError>>()?;
     names::make_unique(cameras.iter_mut().map(|camera| &mut camera.name));
     findings.log();
     Ok(cameras)
@@ -149,7 +153,7 @@ fn camera(index: usize, entry: &Entry, root: &Path, file: &Path) -> Result<Camer
     };
     Ok(CameraPose {
         name,
-        c2w: PoseConvention::of(SceneFormat::Transforms).unmirrored(entry.c2w),
+        c2w: entry.c2w,
         intrinsics: entry.lens.pinhole(declared, file)?,
         width: declared.0 as usize,
         height: declared.1 as usize,

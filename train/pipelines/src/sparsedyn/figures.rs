@@ -8,7 +8,7 @@ use super::scene::RolledScene;
 use super::{Config, Sparsedyn, Step};
 use gs_train::fit::figure::{Figure, Figures};
 use gs_train::fit::parameters::to_host;
-use gs_train::fit::photos::{camera, mask_of, to_tensor};
+use gs_train::fit::photos::{camera, colors_of, mask_of};
 use gs_train::fit::times::{by_time, each_view};
 use gs_train::run::metrics::{mean, psnr_counted};
 
@@ -76,7 +76,7 @@ impl Compared<'_> {
         let device = scene.device();
         let options = self.at.facts.render_options(&self.at.config.render, scene.sh_degree());
         let image = render(scene, &camera(view, &device), &options).color;
-        psnr_counted(image, to_tensor(view, &view.image.data, 3, &device), mask_of(view, &device))
+        psnr_counted(image, colors_of(view, &device), mask_of(view, &device))
     }
 }
 

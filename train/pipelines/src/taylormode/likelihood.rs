@@ -17,7 +17,7 @@ use super::select::{Selected, Selection, select, view_scales};
 use super::update::follow_moments;
 use super::{Step, Taylormode};
 use gs_train::fit::parameters::to_host;
-use gs_train::fit::photos::{mask_of, to_tensor};
+use gs_train::fit::photos::{colors_of, mask_of};
 
 /// Photos that judge a proposal, spread evenly over the training views: enough that no single one decides.
 const PHOTOS: usize = 6;
@@ -120,7 +120,7 @@ fn compared(view: &View, simpler: Tensor<3>, present: Tensor<3>, device: &Device
         Some(mask) => differs * mask,
         None => differs,
     };
-    let photo = to_tensor(view, &view.image.data, 3, device);
+    let photo = colors_of(view, device);
     let sum = |tensor: Tensor<3>| f64::from(tensor.sum().into_scalar::<f32>());
     let misses = |image: Tensor<3>| sum((image - photo.clone()).square() * counts.clone());
     [misses(simpler), misses(present), 3.0 * sum(counts.clone())]

@@ -21,6 +21,7 @@ mod fuzz;
 mod golden;
 mod held_out;
 mod layers;
+mod linear;
 #[path = "../../../../tests/src/mutate.rs"]
 mod mutate;
 mod noise;

@@ -7,7 +7,8 @@ use std::path::Path;
 use crate::common::program::{fails, says, succeeds};
 use crate::common::{self, read_json};
 use glam::{DMat4, DVec3};
-use gs_datasets::load_cameras;
+use gs_datasets::{load_cameras, load_cameras_by};
+use gs_pipelines::load_scene;
 use gs_splats::Splats;
 use gs_train::run::exchange::{Format, Packed, read_packed};
 use serde_json::json;
@@ -247,6 +248,42 @@ fn formats_that_are_not_read_are_named() {
             assert!(words.iter().all(|word| refused.contains(word)), "{args:?}: {refused}");
         }
     }
+}
+
+/// Cameras of the data set's folder are read as the training read them; elsewhere, as their format has them.
+#[test]
+fn cameras_of_a_training_keep_its_convention() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    common::tiny_scene(folder);
+    let sound = load_cameras(&folder.join("scene/transforms_test.json")).expect("cameras");
+    // OpenGL's axes become OpenCV's: y and z of the cameras are negated.
+    for name in ["train", "test"] {
+        let file = folder.join(format!("scene/transforms_{name}.json"));
+        let mut top = read_json(&file);
+        for frame in top["frames"].as_array_mut().expect("frames") {
+            for (row, column) in (0..3).flat_map(|row| [(row, 1), (row, 2)]) {
+                let value = &mut frame["transform_matrix"][row][column];
+                *value = json!(-value.as_f64().expect("a number"));
+            }
+        }
+        fs::write(&file, top.to_string()).expect("written");
+    }
+    let meant = ["train", "scene", "--out", "run", "--set", "data.poses=c2w-opencv"];
+    says(folder, &meant.into_iter().chain(QUICK).collect::<Vec<_>>());
+    let run = load_scene(&folder.join("run"), &common::device()).expect("a scene").run.expect("a run");
+    let of = |file: &Path| load_cameras_by(file, run.poses_in(file)).expect("cameras");
+    let (inside, outside) = (folder.join("scene/transforms_test.json"), folder.join("cameras.json"));
+    fs::copy(&inside, &outside).expect("copied");
+    for (camera, sound) in of(&inside).iter().zip(&sound) {
+        assert!(camera.c2w.abs_diff_eq(sound.c2w, 1e-12), "{}", camera.name);
+    }
+    assert!(!of(&outside)[0].c2w.abs_diff_eq(sound[0].c2w, 0.1));
+    let rendered = |cameras: &str, out: &str| {
+        succeeds(folder, &["render", "run", "--cameras", cameras, "--out", out]);
+        image::open(folder.join(out).join("test/r_000.png")).expect("an image").to_rgb8()
+    };
+    assert!(rendered("scene/transforms_test.json", "a") != rendered("cameras.json", "b"));
 }
 
 /// Cameras of Inria's and nerfstudio's viewers show what the same cameras of a transforms.json show.

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use burn::tensor::Device;
 use glam::{DMat3, DVec3};
 use gs_base::counted;
-use gs_datasets::{camera_path, load_cameras};
+use gs_datasets::{camera_path, load_cameras_by};
 
 use crate::cli::{ExportArgs, Up};
 use crate::commands::print;
@@ -152,7 +152,8 @@ fn rotation(args: &ExportArgs, loaded: &LoadedScene, up: Up) -> Result<DMat3> {
             let run = loaded.run.as_ref().with_context(|| {
                 format!("{}: --up auto asks the cameras of a run; name the axis that is up", args.scene.display())
             })?;
-            let cameras = load_cameras(&run.dataset).context("--up auto asks the cameras; name the axis that is up")?;
+            let cameras = load_cameras_by(&run.dataset, run.poses);
+            let cameras = cameras.context("--up auto asks the cameras; name the axis that is up")?;
             let up = camera_path::up(&cameras).with_context(|| {
                 format!("{}: its cameras point in all directions; name the axis that is up", run.dataset.display())
             })?;

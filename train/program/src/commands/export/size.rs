@@ -12,7 +12,7 @@ use gs_splats::Merged;
 use crate::cli::ExportArgs;
 use gs_pipelines::{Opened, of_checkpoint};
 use gs_train::fit::density::prune::contributions;
-use gs_train::fit::photos::{camera, mask_of, to_tensor};
+use gs_train::fit::photos::{camera, colors_of, mask_of, to_tensor};
 use gs_train::fit::times::through_time;
 use gs_train::run::exchange::{Format, Packed};
 use gs_train::run::metrics::psnr_counted;
@@ -104,8 +104,8 @@ fn mean_psnr(scene: &dyn DynamicScene, views: &[View], options: &RenderOptions) 
     let score = |(view, gaussians): (&View, Gaussians)| {
         let (view, device) = (view.decoded(), gaussians.device());
         let image = render(&gaussians, &camera(&view, &device), options).color;
-        let photo = view.truth.sharp.as_ref().unwrap_or(&view.image);
-        let truth = to_tensor(&view, &photo.data, 3, &device);
+        let sharp = view.truth.sharp.as_ref().map(|sharp| to_tensor(&view, &sharp.data, 3, &device));
+        let truth = sharp.unwrap_or_else(|| colors_of(&view, &device));
         psnr_counted(image, truth, mask_of(&view, &device))
     };
     views.iter().zip(through_time(scene, &times)).map(score).sum::<f64>() / views.len().max(1) as f64

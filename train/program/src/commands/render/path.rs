@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use gs_base::Intrinsics;
-use gs_datasets::{CameraPose, camera_path, load_cameras, some_names};
+use gs_datasets::{CameraPose, camera_path, load_cameras_by, some_names};
 
 use crate::cli::RenderArgs;
 use gs_train::run::scene::LoadedScene;
@@ -25,7 +25,8 @@ pub(super) fn source(args: &RenderArgs, loaded: &LoadedScene) -> Result<PathBuf>
 
 /// The cameras of `source`, or the path that was asked for.
 pub(super) fn cameras(args: &RenderArgs, source: &std::path::Path, loaded: &LoadedScene) -> Result<Vec<CameraPose>> {
-    let given = load_cameras(source)?;
+    let poses = loaded.run.as_ref().and_then(|run| run.poses_in(source));
+    let given = load_cameras_by(source, poses)?;
     let count = args.images.map_or(IMAGES, |count| count as usize);
     let nowhere = || format!("{}: its cameras look at no common point; try --between", source.display());
     let mut path = if args.orbit {

@@ -15,7 +15,7 @@ use super::renderer::{PredictedScene, pose_of};
 use super::spread::Spread;
 use crate::report::charts::{Chart, Series};
 use gs_train::fit::parameters::{from_host, to_host};
-use gs_train::fit::photos::to_tensor;
+use gs_train::fit::photos::colors_of;
 use gs_train::fit::times::through_time;
 
 /// Groups of equal size in which spread and error are compared.
@@ -164,7 +164,7 @@ pub fn by_images(predicted: &PredictedScene, spread: &Spread, views: &[&View]) -
         let features = from_host(spread.values[index].clone(), 1, device);
         let (spreads, alpha) = seen(predicted.renderer, &gaussians, &pose, features);
         let image = predicted.renderer.image(&gaussians, &pose);
-        let error = to_host((image - to_tensor(view, &view.image.data, 3, device)).abs().mean_dim(2));
+        let error = to_host((image - colors_of(view, device)).abs().mean_dim(2));
         let pixels = spreads.iter().zip(&error).zip(&alpha).filter(|(_, alpha)| **alpha >= SEEN);
         pairs.extend(pixels.map(|((spread, error), _)| (f64::from(*spread), f64::from(*error))));
     }

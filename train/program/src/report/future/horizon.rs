@@ -10,7 +10,7 @@ use super::renderer::{PredictedScene, pose_of};
 use super::{ONE_TIME, strip};
 use crate::report::charts::{Chart, Series};
 use crate::report::future::strip::Picture;
-use gs_train::fit::photos::{mask_of, to_tensor};
+use gs_train::fit::photos::{colors_of, mask_of, to_tensor};
 use gs_train::fit::times::through_time;
 use gs_train::fit::told::{MOVING, given_regions};
 use gs_train::run::evaluate::PHOTO;
@@ -175,7 +175,7 @@ fn fits(image: &Tensor<3>, view: &View) -> bool {
 /// PSNR of an image of a view, whole and over the marked moving part.
 fn compared(image: Tensor<3>, view: &View) -> (f64, Option<f64>) {
     let device = image.device();
-    let truth = to_tensor(view, &view.image.data, 3, &device);
+    let truth = colors_of(view, &device);
     let mask = mask_of(view, &device);
     let whole = psnr_counted(image.clone(), truth.clone(), mask.clone());
     let moving = given_regions(view).into_iter().find(|region| region.name == MOVING);

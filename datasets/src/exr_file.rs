@@ -1,16 +1,18 @@
 //! OpenEXR files: named channels of half, float or integer samples.
 
-use std::io::Cursor;
+use std::io::{BufRead, Cursor};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use exr::block;
+use exr::meta::MetaData;
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers, read};
 
-use super::map::Map;
 use crate::error::DatasetError;
+use crate::map::Map;
 
 /// The first bytes of every file.
-pub(super) const MAGIC: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
+pub(crate) const MAGIC: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 
 /// Most samples of one file, over all its channels: 1 GiB in floats. A header that asks for more is broken, and its
 /// memory is asked for before the pixels are looked at.
@@ -22,10 +24,10 @@ const SAMPLES_PER_BYTE: usize = 1024;
 
 /// Names of the channel with depth, best first. Files with a picture and its depth call the depth Z; files of depth
 /// alone use any of the others.
-pub(super) const DEPTH: &[&[&str]] = &[&["Z"], &["DEPTH"], &["V"], &["Y"], &["R"]];
+pub(crate) const DEPTH: &[&[&str]] = &[&["Z"], &["DEPTH"], &["V"], &["Y"], &["R"]];
 
 /// Names of the three channels of a vector.
-pub(super) const VECTOR: &[&[&str]] = &[&["X", "Y", "Z"], &["R", "G", "B"]];
+pub(crate) const VECTOR: &[&[&str]] = &[&["X", "Y", "Z"], &["R", "G", "B"]];
 
 /// Reads the first group of channels in `groups` that the file has, ignoring case and the names of layers before the
 /// last dot; a file with one channel only may call it anything when one is wanted. All groups have the same length.
@@ -33,8 +35,7 @@ pub(crate) fn parse(path: &Path, bytes: &[u8], groups: &[&[&str]]) -> Result<Map
     let wrong = |expected: &str, found: String| DatasetError::malformed(path, "OpenEXR", expected, found);
     // The decoder asserts where a damaged file contradicts itself (a tile of another resolution level, for one).
     // Nothing outlives the call, so that a panic in it leaves nothing half done.
-    let layers =
-        std::panic::catch_unwind(|| decode(bytes)).unwrap_or_else(|_| Err("a file that contradicts itself".into()));
+    let layers = catch_unwind(|| decode(bytes)).unwrap_or_else(|_| Err("a file that contradicts itself".into()));
     let layers = layers.map_err(|found| wrong("a readable OpenEXR file", found))?;
     let all = || layers.iter().flat_map(|layer| layer.channels.iter().map(move |channel| (layer, channel)));
     let find = |wanted: &str| all().find(|(_, (name, _))| last_part(name).eq_ignore_ascii_case(wanted));
@@ -59,6 +60,19 @@ pub(crate) fn parse(path: &Path, bytes: &[u8], groups: &[&[&str]]) -> Result<Map
         }
     }
     Map::new(width, height, found.len(), values).ok_or_else(|| wrong("at least one pixel", "none".to_string()))
+}
+
+/// Width and height of the image, pixels, from the start of a file.
+pub(crate) fn size(path: &Path, start: impl BufRead) -> Result<(u32, u32), DatasetError> {
+    let wrong = |found: String| DatasetError::malformed(path, "OpenEXR", "a readable OpenEXR file", found);
+    let read = || MetaData::read_from_buffered(start, false).map_err(|error| error.to_string());
+    // See `parse`.
+    let meta = catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| Err("a header that contradicts itself".into()));
+    let meta = meta.map_err(wrong)?;
+    let size = meta.headers.first().map(|header| header.shared_attributes.display_window.size);
+    let sides = size.map(|size| [size.0, size.1].map(|side| u16::try_from(side).unwrap_or(0)));
+    let [width, height] = sides.filter(|sides| !sides.contains(&0)).ok_or_else(|| wrong("no sound size".into()))?;
+    Ok((width.into(), height.into()))
 }
 
 struct Layer {

@@ -60,7 +60,7 @@ impl Map<f32> {
 const ASPECT_TOLERANCE: f64 = 0.01;
 
 /// Whether a map of `size` can be a picture of the same view as a photo of `photo` (width, height).
-pub(super) fn same_shape(size: (usize, usize), photo: (usize, usize)) -> bool {
+pub(crate) fn same_shape(size: (usize, usize), photo: (usize, usize)) -> bool {
     let ratio = size.0 as f64 * photo.1 as f64 / (size.1 as f64 * photo.0 as f64);
     (ratio - 1.0).abs() <= ASPECT_TOLERANCE
 }
