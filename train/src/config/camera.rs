@@ -13,6 +13,6 @@ section! {
         /// Whether the mean pose of each photo is corrected; with a path it always is.
         refine: bool = false;
         /// Learning rate at the first step, falling to a tenth: pixels by which a visit of a photo may move its image.
-        lr: f64 = 0.5, in POSITIVE;
+        lr: f64 = 0.25, in POSITIVE;
     }
 }

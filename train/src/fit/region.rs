@@ -2,8 +2,8 @@
 //!
 //! Such pixels also show what stands before and behind the box, so Gaussians outside learn too. First points, exposures
 //! and poses are found in the whole photos, which tell more. Left aside: growth inside alone gains nothing; few first
-//! Gaussians outside cost 0.2 dB on nerf-fox and 1.4 dB on lund-door (5000 Gaussians, 500 steps), because what is behind
-//! the box is painted onto it.
+//! Gaussians outside cost 0.2 dB on nerf-fox and 1.4 dB on lund-door (5000 Gaussians, 500 steps), because what is
+//! behind the box is painted onto it.
 
 use glam::{DVec2, DVec3, Vec3};
 use gs_datasets::{PointCloud, View};

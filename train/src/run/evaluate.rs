@@ -12,6 +12,7 @@ use super::metrics::color_fit::psnr_after_color_fit;
 use super::metrics::{self, Perceptual, ms_ssim, mse_of_psnr, psnr, psnr_masked, psnr_of_mse, ssim, ssim_masked};
 use crate::config::EvalConfig;
 use crate::fit::align::aligned;
+use crate::fit::camera_paths::CameraPaths;
 use crate::fit::correction::Correction;
 use crate::fit::figure::{Better, Figure};
 use crate::fit::method::Step;
@@ -90,6 +91,9 @@ impl<'a> HeldOut<'a> {
     }
 }
 
+/// Most views, spread evenly, whose poses are looked for: each takes as long as 60 steps of training.
+const ALIGNED: usize = 12;
+
 /// Measures scenes. LPIPS weights are searched for once.
 #[derive(Debug)]
 pub struct Evaluator {
@@ -121,7 +125,7 @@ impl Evaluator {
         let (quality, Further { fitted, aligned }, comparisons) = self.quality(model, scene, held_out, at, kept);
         let (method, gaussians) = (&model.method, &model.gaussians);
         let mut figures = method.figures(gaussians, scene, held_out.views, at);
-        figures.numbers.extend(of_poses(&aligned));
+        figures.numbers.extend(model.cameras.iter().flat_map(|it| of_poses(it, &aligned)));
         figures.numbers.extend(model.correction.iter().flat_map(|it| of_correction(it, &fitted)));
         let measured = Measured {
             split: held_out.split.into(),
@@ -179,7 +183,7 @@ impl Evaluator {
                         let (image, truth) = (image.clone(), photo.image.clone());
                         further.fitted.extend(psnr_after_color_fit(image, truth, photo.mask.clone()));
                     }
-                    if model.cameras.is_some() {
+                    if model.cameras.is_some() && index % views.len().div_ceil(ALIGNED) == 0 {
                         further.aligned.extend(self.aligned(&*scene, &photo, view, at));
                     }
                     let regions = held_out.regions_of(index, &shown);
@@ -304,14 +308,20 @@ struct Further {
     aligned: Vec<Scores>,
 }
 
-/// Figures of held-out views from poses of their own.
-fn of_poses(aligned: &[Scores]) -> Vec<Figure> {
-    let Some(Scores { psnr, ssim, .. }) = mean_scores(aligned.iter()) else { return Vec::new() };
-    let figure = |id, name, value, unit| Figure::new(id, name, value, unit).better(Better::Higher).headline();
-    vec![
-        figure("psnr_aligned", "PSNR from aligned poses", psnr, "dB").digits(2),
-        figure("ssim_aligned", "SSIM from aligned poses", ssim, "").digits(4),
-    ]
+/// Figures of the cameras' paths, and of held-out views from poses of their own.
+fn of_poses(cameras: &CameraPaths, aligned: &[Scores]) -> Vec<Figure> {
+    let lengths = cameras.listed().iter().map(|(_, path)| path.length()).collect();
+    let length = gs_base::median(lengths)
+        .filter(|length| *length > 0.0)
+        .map(|length| Figure::new("camera_path", "median path of a camera", length, "pixels").digits(1).column());
+    let better = |id, name, value, unit| Figure::new(id, name, value, unit).better(Better::Higher).headline();
+    let aligned = mean_scores(aligned.iter()).map(|Scores { psnr, ssim, .. }| {
+        [
+            better("psnr_aligned", "PSNR from aligned poses", psnr, "dB").digits(2),
+            better("ssim_aligned", "SSIM from aligned poses", ssim, "").digits(4),
+        ]
+    });
+    aligned.into_iter().flatten().chain(length).collect()
 }
 
 /// Figures of the photos' corrections; `fitted`: PSNR of views after a fit of colours.

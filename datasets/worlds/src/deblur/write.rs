@@ -31,7 +31,7 @@ const GROUND: f64 = 5.0;
 
 /// The point that the cameras look at, and their distance from it, metres.
 const TARGET: DVec3 = DVec3::new(0.0, 0.0, 0.62);
-pub(super) const DISTANCE: f64 = 3.7;
+const DISTANCE: f64 = 3.7;
 
 /// Horizontal angle of view, radians. A metre at the target is then about 76 pixels of a 256 pixel wide image, so a
 /// metre per unit of time is about 4.6 pixels per exposure of 0.06.
@@ -64,9 +64,8 @@ const JITTER: f64 = 0.02;
 ///
 /// Keys of the JSON beside the usual ones: `exposure` (unit of `time`), `mask_meaning`, `depth_kind`, `blur_space`; per
 /// frame the paths of priors (`mask_path`, `depth_file_path`, `pseudo_sharp_path`) and under `truth` those of the
-/// truth; `camera_path`, the
-/// poses at its sub-frames, if the camera shakes; `movers` with every moving object's pose, velocity and angular velocity at each time. The JSON is written
-/// last: a folder without it is not finished.
+/// truth, and `camera_path`, the poses at the sub-frames, if cameras shake; `movers` with every moving object's pose,
+/// velocity and angular velocity at each time. The JSON is written last: a folder without it is not finished.
 ///
 /// # Errors
 /// When an option is out of its range or a file cannot be written.
@@ -85,7 +84,7 @@ pub fn write(dir: &Path, options: &DeblurOptions, progress: impl Fn(usize, usize
         let mut shot = Cow::Borrowed(shot);
         if options.shake > 0.0 && !photo.camera.is_test {
             let draws = Draws::Shake((photo.number * options.frames + photo.frame) as u64);
-            let path = shake::path(photo.camera, options.shake, options.subframes, &mut draws.rng(seed));
+            let path = shake::path(photo.camera, (options.shake, DISTANCE), options.subframes, &mut draws.rng(seed));
             photo.entry["truth"]["camera_path"] = path.iter().map(|camera| json!(camera.rows())).collect();
             shot.to_mut().blurry = shaken(&scene, &path, &exposures[photo.frame], Order::Bayer);
         }

@@ -8,19 +8,19 @@ use std::path::{Path, PathBuf};
 /// The folder of a crate, and its most lines of source: without tests, and without crates inside it.
 const SOURCE_LINES: [(&str, usize); 14] = [
     ("configs", 100),
-    ("datasets", 12_340),
+    ("datasets", 12_570),
     ("datasets/base", 1_150),
     ("datasets/driving", 6_645),
     ("datasets/multiview", 4_745),
     ("datasets/splats", 4_300),
-    ("datasets/worlds", 4_830),
+    ("datasets/worlds", 4_900),
     ("gs-burn", 6_620),
     ("gs-kernels", 14_240),
-    ("models", 12_330),
+    ("models", 12_440),
     ("tests/lab", 6_050),
-    ("train", 10_320),
-    ("train/pipelines", 13_050),
-    ("train/program", 8_970),
+    ("train", 10_800),
+    ("train/pipelines", 13_090),
+    ("train/program", 9_000),
 ];
 
 /// Lines of tests in all crates.

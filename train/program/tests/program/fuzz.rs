@@ -92,6 +92,7 @@ fn checkpoint_seeds(folder: &Path) -> Vec<Vec<u8>> {
     vec![
         checkpoint(&still, &folder.join("static"), 3, &[few]),
         checkpoint(&still, &folder.join("corrected"), 1, &["correction.mode=affine", few]),
+        checkpoint(&still, &folder.join("shaken"), 1, &["camera.motion=1", few]),
         checkpoint(&video, &folder.join("moving"), 1, &["pipeline=taylormode", "blur.samples=3", "motion.points=30"]),
     ]
 }
