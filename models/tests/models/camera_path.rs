@@ -36,7 +36,7 @@ fn closed(twist: &[f64]) -> DMat4 {
 fn motions_are_those_of_the_closed_form() {
     for place in doubles() {
         let all = Random::new(1).values(10 * TWIST, -0.25, 0.25);
-        let given = camera(&place);
+        let given = camera(place);
         let found = moved(&given, place.tensor(&all, [10, TWIST]), DISTANCE);
         for (twist, found) in all.chunks(TWIST).zip(found) {
             let expected = (closed(twist) * matrix(&given)).to_cols_array();
@@ -48,7 +48,7 @@ fn motions_are_those_of_the_closed_form() {
 #[test]
 fn no_twist_moves_nothing() {
     for place in everywhere() {
-        let given = camera(&place);
+        let given = camera(place);
         let still = moved(&given, place.tensor(&[0.0; TWIST], [1, TWIST]), DISTANCE).remove(0);
         assert_eq!(matrix(&still), matrix(&given), "{}", place.name);
     }
