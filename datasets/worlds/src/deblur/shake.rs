@@ -17,8 +17,8 @@ const SHIFTS: DVec3 = DVec3::new(0.15, 0.15, 0.1);
 /// Size of the terms of degrees 1 to 3: hands move smoothly, and turn back.
 const TERMS: [f64; 3] = [1.0, 0.4, 0.2];
 
-/// A camera at `count` even instants of an exposure, in which the image of what is `distance` metres away moves by about
-/// `pixels`; halfway it is `camera`.
+/// A camera at `count` even instants of an exposure; halfway it is `camera`. The image of what is `distance` metres
+/// away moves by about `pixels` meanwhile.
 pub(super) fn path(camera: &Camera, (pixels, distance): (f64, f64), count: usize, rng: &mut ChaCha8Rng) -> Vec<Camera> {
     let mut draw = |sizes: DVec3| TERMS.map(|term| term * sizes * DVec3::from_array([(); 3].map(|()| gaussian(rng))));
     let angle = pixels / camera.focal;

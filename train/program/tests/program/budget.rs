@@ -24,7 +24,7 @@ const SOURCE_LINES: [(&str, usize); 14] = [
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 40_300;
+const TEST_LINES: usize = 41_100;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [
