@@ -73,7 +73,8 @@ pub(crate) const EXTRACT: &str =
 
 /// How to make poses: with COLMAP's own wheel for Python, or its program.
 pub(crate) const POSES: &str = "COLMAP finds the poses of FOLDER/images (`pip install pycolmap`, then `python -c \
-    \"import pycolmap as c; d = 'FOLDER/database.db'; i = 'FOLDER/images'; c.extract_features(d, i, camera_mode='SINGLE'); \
+    \"import pycolmap as c; d = 'FOLDER/database.db'; i = 'FOLDER/images'; \
+    c.extract_features(d, i, camera_mode='SINGLE'); \
     c.match_exhaustive(d); c.incremental_mapping(d, i, 'FOLDER/sparse')\"`; or `colmap automatic_reconstructor \
     --workspace_path FOLDER --image_path FOLDER/images`)";
 

@@ -4,7 +4,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
 use gs_datasets::{LoadOptions, PriorUse, Scene, View, surveyed};
-use gs_models::light::Mixing;
+use gs_models::light::{to_encoded, to_linear};
 
 use gs_train::config::{FitConfig, NOT_NEGATIVE, Section};
 use gs_train::fit::coarse::dilation;
@@ -99,8 +99,8 @@ fn mean_of_light(renderings: &[Rendering]) -> Tensor<3> {
     if renderings.len() == 1 {
         return colors.next().expect("one");
     }
-    let light = colors.map(|color| Mixing::Linear.decode(color)).reduce(|sum, light| sum + light);
-    Mixing::Linear.encode(light.expect("at least one") / renderings.len() as f64)
+    let light = colors.map(to_linear).reduce(|sum, light| sum + light);
+    to_encoded(light.expect("at least one") / renderings.len() as f64)
 }
 
 impl Intake for Still {

@@ -14,6 +14,7 @@
 //! | [`extrapolation`] | what a method knows of the future of its scene |
 //! | [`initialise`] | the Gaussians of step 0 |
 //! | [`correction`] | exposure and white balance of the photos |
+//! | [`camera_paths`], [`align`] | learned poses of training photos, and those of held-out ones |
 //! | [`losses`], [`schedule`], [`random`] | loss, decay of rates, random draws |
 //! | [`budget`] | a budget of time as a number of steps |
 //! | [`times`] | a scene at many times |

@@ -201,6 +201,9 @@ pub fn mask_of(view: &View, device: &Device) -> Option<Tensor<3>> {
 
 /// The colours of a view that has its pixels, `[H, W, 3]`, 0 to 1, at the depth of its file.
 pub fn colors_of(view: &View, device: &Device) -> Tensor<3> {
+    if view.fine.is_none() {
+        return to_tensor(view, &view.image.data, 3, device);
+    }
     let levels = (0..view.image.data.len()).into_par_iter().with_min_len(1 << 14);
     let floats: Vec<f32> = levels.map(|index| view.level(index) / 255.0).collect();
     Tensor::from_data(TensorData::new(floats, [view.height, view.width, 3]), device)

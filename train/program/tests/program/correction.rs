@@ -12,8 +12,8 @@ use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::Job;
 use gs_worlds::still::{self, StillOptions};
 
+use crate::common;
 use crate::common::program::succeeds;
-use crate::common::{self, read_json};
 
 const STEPS: usize = 600;
 
@@ -107,14 +107,7 @@ fn exposure_is_learned_measured_and_reported() {
     let without = without.last.mean().psnr;
     assert!(fitted >= without + GAIN, "{fitted} dB with gains, {without} dB without");
 
-    // The page has it as a card, and the checkpoint is the scene that was measured.
-    let report = fs::read_to_string(with.folder.report()).expect("read");
-    assert!(report.contains(&format!("<span>PSNR after a fit of colours</span><b>{fitted:.2} dB</b>")), "no card");
-    succeeds(folder, &["eval", "with", "--out", "eval.json", "--device", &common::device_name()]);
-    let (again, first) = (read_json(&folder.join("eval.json")), read_json(&with.folder.eval()));
-    for key in ["psnr", "ssim", "views", "figures", "compared", "split"] {
-        assert_eq!(again[key], first[key], "{key}");
-    }
+    common::is_reported(folder, "with", &with, ("PSNR after a fit of colours", fitted));
     // A PLY file knows no exposure.
     let ply = succeeds(folder, &["eval", "with/scene.ply", "--data", "world"]);
     assert!(!ply.contains("fit of colours"), "{ply}");
@@ -126,11 +119,8 @@ fn it_resumes_to_the_same_bits() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     let world = world(folder, true);
-    let [whole, resumed] = ["whole", "resumed"].map(|name| job(&world, &folder.join(name), "affine", SHORT));
-    common::finish(&whole);
-    common::finish_interrupted(&resumed, &[17, 41]);
-    let bits = |job: &Job| fs::read(job.folder.checkpoint(SHORT)).expect("saved");
-    assert!(bits(&whole) == bits(&resumed), "the resumed run differs");
+    let jobs = ["whole", "resumed"].map(|name| job(&world, &folder.join(name), "affine", SHORT));
+    common::resumes_to_the_same_bits(jobs, &[17, 41], SHORT);
 }
 
 /// Photos that agree are fitted as they are: the scene has the bits of one that asks for nothing.

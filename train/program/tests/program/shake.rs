@@ -1,6 +1,5 @@
 //! Cameras that shake: their paths and poses are learned, measured, reported and resumed.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use gs_pipelines::fit::read_model;
@@ -11,7 +10,6 @@ use gs_train::run::watch::Job;
 use gs_worlds::deblur::{self, DeblurOptions, World};
 use serde_json::Value;
 
-use crate::common::program::succeeds;
 use crate::common::{self, read_json};
 
 const STEPS: usize = 800;
@@ -111,13 +109,7 @@ fn paths_of_a_shaking_hand_are_learned_measured_and_reported() {
     let error = gs_base::median(errors).expect("photos");
     assert!(error <= ERROR, "lengths are off by {error}: {lengths:?}");
 
-    let report = fs::read_to_string(with.folder.report()).expect("read");
-    assert!(report.contains(&format!("<span>PSNR from aligned poses</span><b>{aligned:.2} dB</b>")), "no card");
-    succeeds(folder, &["eval", "with", "--out", "eval.json", "--device", &common::device_name()]);
-    let (again, first) = (read_json(&folder.join("eval.json")), read_json(&with.folder.eval()));
-    for key in ["psnr", "ssim", "views", "figures"] {
-        assert_eq!(again[key], first[key], "{key}");
-    }
+    common::is_reported(folder, "with", &with, ("PSNR from aligned poses", aligned));
 }
 
 /// PSNR that disturbed poses cost at least, and at most where they are corrected, dB: 3.9 and 0.2 dB. Both bounds are
@@ -136,24 +128,24 @@ fn poses_that_are_off_are_corrected() {
         common::finish(&job(&world, &folder.join(name), STEPS, &[&refine]))
     };
     let truth = fitted("true", false).last.mean().psnr;
-    disturb(&world.join("transforms_train.json"));
+    disturb(&world);
     let [given, refined] = [("given", false), ("refined", true)].map(|(name, refine)| fitted(name, refine));
     let refined = refined.last.figure("psnr_aligned").expect("a figure");
     let given = given.last.mean().psnr;
     assert!(given < truth - LOST && refined > truth - KEPT, "{truth} dB, {given} dB, {refined} dB");
 }
 
-/// Turns each camera of a list by 0.3 degrees about an axis of its own, through its own centre.
-fn disturb(list: &Path) {
-    let mut json: Value = read_json(list);
-    for (index, frame) in json["frames"].as_array_mut().expect("frames").iter_mut().enumerate() {
-        let rows: Vec<f64> = frame["transform_matrix"].as_array().expect("rows").iter().flat_map(numbers).collect();
-        let pose = glam::DMat4::from_cols_slice(&rows).transpose();
-        let axis = glam::DVec3::new((index as f64).sin(), (2.0 * index as f64).cos(), 0.5).normalize();
-        let pose = pose * glam::DMat4::from_axis_angle(axis, 0.3_f64.to_radians());
-        frame["transform_matrix"] = (0..4).map(|row| pose.row(row).to_array().to_vec()).collect();
-    }
-    fs::write(list, json.to_string()).expect("written");
+/// Turns each training camera by 0.3 degrees about an axis of its own, through its own centre.
+fn disturb(world: &Path) {
+    common::edit(world, "transforms_train.json", |frames| {
+        for (index, frame) in frames.iter_mut().enumerate() {
+            let rows: Vec<f64> = frame["transform_matrix"].as_array().expect("rows").iter().flat_map(numbers).collect();
+            let pose = glam::DMat4::from_cols_slice(&rows).transpose();
+            let axis = glam::DVec3::new((index as f64).sin(), (2.0 * index as f64).cos(), 0.5).normalize();
+            let pose = pose * glam::DMat4::from_axis_angle(axis, 0.3_f64.to_radians());
+            frame["transform_matrix"] = (0..4).map(|row| pose.row(row).to_array().to_vec()).collect();
+        }
+    });
 }
 
 #[test]
@@ -162,10 +154,6 @@ fn it_resumes_to_the_same_bits() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = temporary.path();
     let world = room(folder, SHAKE);
-    let [whole, resumed] =
-        ["whole", "resumed"].map(|name| job(&world, &folder.join(name), SHORT, &["camera.motion=1"]));
-    common::finish(&whole);
-    common::finish_interrupted(&resumed, &[17, 41]);
-    let bits = |job: &Job| fs::read(job.folder.checkpoint(SHORT)).expect("saved");
-    assert!(bits(&whole) == bits(&resumed), "the resumed run differs");
+    let jobs = ["whole", "resumed"].map(|name| job(&world, &folder.join(name), SHORT, &["camera.motion=1"]));
+    common::resumes_to_the_same_bits(jobs, &[17, 41], SHORT);
 }

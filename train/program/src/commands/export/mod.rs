@@ -115,7 +115,7 @@ fn inside(scene: &Packed, region: &Region, args: &ExportArgs) -> Result<Vec<u32>
     Ok(rows)
 }
 
-/// Those of `rows`, or of all, that the file is to hold; see [`Packed::spared`].
+/// The Gaussians among `rows`, or among all, that the file is to hold; see [`Packed::spared`].
 fn spared(scene: &Packed, rows: Option<Vec<u32>>, path: &Path, format: Format) -> Option<Vec<u32>> {
     let Some(rows) = rows else { return scene.spared(path, format) };
     match scene.select(&rows).spared(path, format) {

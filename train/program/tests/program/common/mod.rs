@@ -198,6 +198,27 @@ pub fn finish_interrupted(job: &Job, stops: &[usize]) -> EvalFile {
     finish(&job)
 }
 
+/// Runs `whole` to the end, and `resumed`, which is the same, interrupted after each step of `stops`. Both have the
+/// same bits after the last step, `steps`.
+pub fn resumes_to_the_same_bits([whole, resumed]: [Job; 2], stops: &[usize], steps: usize) {
+    finish(&whole);
+    finish_interrupted(&resumed, stops);
+    let bits = |job: &Job| std::fs::read(job.folder.checkpoint(steps)).expect("saved");
+    assert!(bits(&whole) == bits(&resumed), "the resumed run differs");
+}
+
+/// The page of a finished run `folder/name` has a PSNR as a card, `said` dB, and its checkpoint is the scene that was
+/// measured.
+pub fn is_reported(folder: &Path, name: &str, job: &Job, (label, said): (&str, f64)) {
+    let report = std::fs::read_to_string(job.folder.report()).expect("read");
+    assert!(report.contains(&format!("<span>{label}</span><b>{said:.2} dB</b>")), "no card");
+    program::succeeds(folder, &["eval", name, "--out", "eval.json", "--device", &device_name()]);
+    let (again, first) = (read_json(&folder.join("eval.json")), read_json(&job.folder.eval()));
+    for key in ["psnr", "ssim", "views", "figures", "compared", "split"] {
+        assert_eq!(again[key], first[key], "{key}");
+    }
+}
+
 /// Rewrites the frames of a data set's description.
 pub fn edit(world: &Path, file: &str, change: impl FnOnce(&mut Vec<serde_json::Value>)) {
     let path = world.join(file);
