@@ -8,8 +8,8 @@ const BEGIN: usize = 3;
 
 /// The valid name most like `name`; `None` where none is like it. Names are words behind sections
 /// (`section.some_words`, `folder/some-words`). A name that is spelled alike in a section that is, too, comes first;
-/// then one spelled alike in another section, or the first of a section that is spelled like a name without one; then
-/// one of that section with a word in common; and then one elsewhere with a word in common.
+/// then one of that section with a word in common; then one spelled alike in another section, or the first of a section
+/// that is spelled like a name without one; and then one elsewhere with a word in common.
 pub fn nearest<'a>(name: &str, valid: &'a [String]) -> Option<&'a str> {
     let ranked = valid.iter().filter_map(|candidate| Some((rank(name, candidate)?, candidate)));
     // Of equals the first.
@@ -29,12 +29,12 @@ fn rank(name: &str, candidate: &str) -> Option<(usize, usize)> {
     let has_word = words(last).any(|word| words(valid).any(|other| other == word));
     match (sections, names) {
         (Some(a), Some(b)) => Some((0, a + b)),
+        (Some(_), None) if has_word && !section.is_empty() => Some((1, 0)),
         // A folder that is named alone stands for the first in it, and a folder in a folder comes after it.
         _ if section.is_empty() && names != Some(0) && unlike(last, other).is_some() => {
-            Some((1, 1 + other.matches('/').count()))
+            Some((2, 1 + other.matches('/').count()))
         }
-        (_, Some(b)) => Some((1, b)),
-        (Some(_), _) if has_word => Some((2, 0)),
+        (_, Some(b)) => Some((2, b)),
         _ if has_word && !other.is_empty() => Some((3, 0)),
         _ => None,
     }
@@ -72,6 +72,7 @@ mod tests {
             "eval.at",
             "eval.images",
             "blur.peano",
+            "camera.lr",
             "optimiser.eps",
             "optimiser.means_lr",
             "optimiser.sh_lr",
@@ -84,7 +85,7 @@ mod tests {
         ]);
         let find = |key: &str| nearest(key, &valid);
         assert_eq!(find("optimizer.lr"), Some("optimiser.means_lr"));
-        assert_eq!(find("lr"), Some("optimiser.means_lr"));
+        assert_eq!(find("lr"), Some("camera.lr"));
         assert_eq!(find("optimiser.means"), Some("optimiser.means_lr"));
         assert_eq!(find("optimizer.sh_lr"), Some("optimiser.sh_lr"));
         assert_eq!(
