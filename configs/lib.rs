@@ -26,7 +26,7 @@ macro_rules! recipe {
 }
 
 /// All recipes by name.
-pub const RECIPES: [Recipe; 53] = [
+pub const RECIPES: [Recipe; 54] = [
     recipe!("flux4d/ablations/base-network"),
     recipe!("flux4d/ablations/constant-velocity"),
     recipe!("flux4d/ablations/far-in-voxels"),
@@ -75,6 +75,7 @@ pub const RECIPES: [Recipe; 53] = [
     recipe!("taylormode/demo"),
     recipe!("taylormode/everything-moves"),
     recipe!("taylormode/fixed-order"),
+    recipe!("taylormode/handheld"),
     recipe!("taylormode/itg"),
     recipe!("taylormode/no-blur"),
     recipe!("taylormode/panoptic"),

@@ -42,16 +42,20 @@ impl Path {
         Self { twists: row.as_chunks::<TWIST>().0.iter().map(|twist| twist.map(f64::from)).collect() }
     }
 
-    /// The displacement of the image's middle at the subject's distance, pixels right and down, at `u` from -1 to 1.
-    pub fn at(&self, u: f64) -> [f64; 2] {
+    /// The displacement of the image at the subject's distance, pixels right and down, at `u` from -1 to 1, to the first
+    /// order; the place `[x, y]` is seen in the direction `[x, y, 1]`, camera axes.
+    pub fn at(&self, u: f64, [x, y]: [f64; 2]) -> [f64; 2] {
         let sum = |i: usize| self.twists.iter().zip(legendre(u)).map(|(twist, value)| value * twist[i]).sum::<f64>();
+        let ([pitch, yaw, roll], [right, down, ahead]) = ([0, 1, 2].map(sum), [3, 4, 5].map(sum));
+        let farther = ahead + pitch * y - yaw * x;
         // A turn about y moves the image along x as a shift along x does.
-        [sum(1) + sum(3), sum(4) - sum(0)]
+        [yaw - roll * y + right - farther * x, roll * x - pitch + down - farther * y]
     }
 
     /// Length of the way of the image's middle, pixels.
     pub fn length(&self) -> f64 {
-        let places: Vec<[f64; 2]> = (0..=PARTS).map(|i| self.at(2.0 * i as f64 / PARTS as f64 - 1.0)).collect();
+        let at = |i: usize| self.at(2.0 * i as f64 / PARTS as f64 - 1.0, [0.0; 2]);
+        let places: Vec<[f64; 2]> = (0..=PARTS).map(at).collect();
         places.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])).sum()
     }
 }
@@ -59,6 +63,39 @@ impl Path {
 /// The middles of `count` equal parts of an exposure, -1 to 1.
 pub fn instants(count: usize) -> Vec<f64> {
     (0..count).map(|i| (2 * i + 1) as f64 / count as f64 - 1.0).collect()
+}
+
+/// One of some equal parts of a frame whose rows are exposed one after another.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// The first row that is exposed in it.
+    pub first: usize,
+    /// Its share of the exposure of each row from there.
+    pub shares: Vec<f64>,
+    /// Their derivatives by `e`.
+    pub slopes: Vec<f64>,
+}
+
+/// `count` equal parts of a frame of `height` rows, of which each is exposed for a share `e` of it: the row at `y` from
+/// -1 to 1 from `(1 - e) y - e` to `(1 - e) y + e`. `None` for a part in which no row is.
+pub fn parts(count: usize, height: usize, e: f64) -> Vec<Option<Part>> {
+    let width = 2.0 / count as f64;
+    let part = |k: usize| {
+        let [begin, end] = [k, k + 1].map(|k| k as f64 * width - 1.0);
+        let of_row = |row: usize| {
+            let y = (2 * row + 1) as f64 / height as f64 - 1.0;
+            let [opens, closes] = [(1.0 - e) * y - e, (1.0 - e) * y + e];
+            let overlap = (end.min(closes) - begin.max(opens)).max(0.0);
+            let of_closing = if closes < end { 1.0 - y } else { 0.0 };
+            let of_opening = if opens > begin { 1.0 + y } else { 0.0 };
+            (overlap / (2.0 * e), ((of_closing + of_opening) * e - overlap) / (2.0 * e * e))
+        };
+        let rows: Vec<(f64, f64)> = (0..height).map(of_row).collect();
+        let first = rows.iter().position(|(share, _)| *share > 0.0)?;
+        let (shares, slopes) = rows[first..].iter().copied().take_while(|(share, _)| *share > 0.0).unzip();
+        Some(Part { first, shares, slopes })
+    };
+    (0..count).map(part).collect()
 }
 
 /// The twists of a path, `[1, 6 K]` with `K` coefficients from degree 0 on, at some instants: `[n, 6]`.

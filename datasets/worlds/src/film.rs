@@ -115,7 +115,7 @@ struct Pixel {
 }
 
 /// The middles of `count` even parts of an exposure around `centre`.
-fn instants(centre: f64, exposure: f64, count: usize) -> impl Iterator<Item = f64> {
+pub(crate) fn instants(centre: f64, exposure: f64, count: usize) -> impl Iterator<Item = f64> {
     (0..count).map(move |k| centre + exposure * ((k as f64 + 0.5) / count as f64 - 0.5))
 }
 
@@ -162,12 +162,17 @@ pub(crate) fn film(scene: &Scene, camera: &Camera, exposures: &[Exposure], order
     (0..exposures.len()).map(shot).collect()
 }
 
-/// A photo of `exposure` by a camera that is at `path` at its sub-frames, `[height, width, 3]`, encoded.
-pub(crate) fn shaken(scene: &Scene, path: &[Camera], exposure: &Exposure, order: Order) -> Vec<u8> {
-    let camera = &path[0];
+/// A photo of the size of `camera`'s, whose rows see the scene through the cameras and with the bodies of `open`, a
+/// sub-frame each; `[height, width, 3]`, encoded.
+pub(crate) fn shaken(
+    scene: &Scene,
+    camera: &Camera,
+    open: impl Fn(usize) -> Vec<(Camera, Vec<Placed>)> + Sync,
+    order: Order,
+) -> Vec<u8> {
     let offset = |sub: usize| (sub as f64 + 0.5) / SIDE as f64;
-    let pixel = |x: usize, y: usize| {
-        let seen = path.iter().zip(&exposure.open).enumerate().map(|(k, (camera, bodies))| {
+    let pixel = |x: usize, y: usize, open: &[(Camera, Vec<Placed>)]| {
+        let seen = open.iter().enumerate().map(|(k, (camera, bodies))| {
             let (position, share) = order.ray(k % RAYS);
             let ray = camera.ray(x as f64 + offset(position % SIDE), y as f64 + offset(position / SIDE));
             let point = scene.still(&ray, Lit::share(share));
@@ -176,7 +181,10 @@ pub(crate) fn shaken(scene: &Scene, path: &[Camera], exposure: &Exposure, order:
         });
         mean(seen).0
     };
-    let row = |y: usize| (0..camera.width).flat_map(move |x| pixel(x, y)).collect::<Vec<u8>>();
+    let row = |y: usize| {
+        let open = open(y);
+        (0..camera.width).flat_map(|x| pixel(x, y, &open)).collect::<Vec<u8>>()
+    };
     (0..camera.height).into_par_iter().flat_map_iter(row).collect()
 }
 

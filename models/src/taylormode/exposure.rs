@@ -85,13 +85,15 @@ impl Exposure {
         tau * Tensor::<1>::from_data(TensorData::new(samples.shared(count, shutter.share), [count]), options)
     }
 
-    /// The same samples as moments around `t`, for models that move Gaussians to each. When `log_tau` is tracked, they
-    /// have a [`shift`](Instants::shift), and the exposure is learned through where the Gaussians are; exact, because
-    /// the derivative of a position by time is its velocity. Reads `tau` back from the device.
-    pub fn instants(&self, t: f64, samples: Samples, count: usize, shutter: PhotoShutter) -> Instants {
-        let PhotoShutter { exposure, share } = shutter;
+    /// Moments around `t` at some offsets from an exposure's centre, in units of its length, for models that move
+    /// Gaussians to each. When `log_tau` is tracked, they have a [`shift`](Instants::shift), and the exposure is learned
+    /// through where the Gaussians are; exact, because the derivative of a position by time is its velocity. Reads `tau`
+    /// back from the device.
+    pub fn instants(&self, t: f64, offsets: &[f64], PhotoShutter { exposure, share }: PhotoShutter) -> Instants {
         let change = self.log_tau.is_tracked().then(|| self.tau(exposure) - self.tau(exposure).detach());
-        let shift = change.map(|change| Shift { change, rates: samples.shared(count, share) });
-        Instants { shift, ..samples.instants(t, self.on_host()[exposure] * share, count) }
+        let rates: Vec<f64> = offsets.iter().map(|offset| offset * share).collect();
+        let tau = self.on_host()[exposure];
+        let times = rates.iter().map(|rate| t + rate * tau).collect();
+        Instants { times, shift: change.map(|change| Shift { change, rates }) }
     }
 }

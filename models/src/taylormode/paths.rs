@@ -197,6 +197,29 @@ impl Paths {
         )
     }
 
+    /// The scene at each of some instants, whose gradient reaches the times where they ask for it.
+    pub fn scenes(&self, gaussians: &Gaussians, instants: &Instants) -> Vec<Gaussians> {
+        let (means, quats) = (gaussians.means.val(), gaussians.quats.val());
+        let MovingSamples { means: centres, quats: turned, .. } = self.samples(&means, &quats, instants);
+        let count = self.len();
+        let replaced = |all: &Tensor<2>, own: &Tensor<2>, k: usize| {
+            add_rows(
+                all.clone(),
+                &self.rows,
+                own.clone().narrow(0, k * count, count) - take_rows(all.clone(), &self.rows),
+            )
+        };
+        let scene = |k: usize| {
+            let (means, quats) = match self.is_empty() {
+                true => (means.clone(), quats.clone()),
+                false => (replaced(&means, &centres, k), replaced(&quats, &turned, k)),
+            };
+            let [scales, opacities] = [gaussians.log_scales.val(), gaussians.opacity_logits.val().unsqueeze_dim(1)];
+            Gaussians::from_tensors(means, quats, scales, opacities.squeeze_dim(1), gaussians.sh.val())
+        };
+        (0..instants.len()).map(scene).collect()
+    }
+
     /// Centres `[I M, 3]` and orientations `[I M, 4]` of the moving rows alone, from all rows at `t0` (`[N, 3]`, `[N,
     /// 4]`), at each of the `I` instants of an exposure, one after another. The number of operations does not depend on
     /// that of the instants.

@@ -3,7 +3,7 @@
 use gs_base::Intrinsics;
 use gs_burn::Camera;
 use gs_burn::glam::{DMat4, DVec3};
-use gs_models::camera_path::{Path, TWIST, instants, moved, twists};
+use gs_models::camera_path::{Part, Path, TWIST, instants, moved, parts, twists};
 use gs_tests::devices::{Place, doubles, everywhere, reference};
 use gs_tests::finite_differences::assert_derivatives;
 use gs_tests::scenes::Random;
@@ -78,9 +78,67 @@ fn paths_pass_through_their_places() {
     for (twist, u) in found.chunks(TWIST).zip(at) {
         let expected = [2.0 * u, 1.5 * u * u - 0.5];
         assert_near("twists", &[twist[1], twist[4]], &expected, 1e-15);
-        assert_near("the image's middle", &path.at(u), &expected, 1e-15);
+        assert_near("the image's middle", &path.at(u, [0.0; 2]), &expected, 1e-15);
     }
     // The length of the parabola y = 1.5 (x / 2)^2 from -2 to 2, whose slope at its ends is 1.5, in 16 straight parts.
     let exact = 2.0 * ((1.0 + 1.5_f64 * 1.5).sqrt() + 1.5_f64.asinh() / 1.5);
     assert_near("length", &[path.length()], &[exact], 0.01);
+}
+
+/// Places of the image move as points at the subject's distance do; twists of 1e-4 leave their squares.
+#[test]
+fn places_beside_the_middle_move_with_the_camera() {
+    const SMALL: f64 = 1e-4;
+    let place = reference();
+    let twist = Random::new(3).values(TWIST, -SMALL, SMALL);
+    let given = camera(place);
+    let found = matrix(&moved(&given, place.tensor(&twist, [1, TWIST]), DISTANCE).remove(0)) * matrix(&given).inverse();
+    let path = Path::of(&twist.iter().map(|value| *value as f32).collect::<Vec<f32>>());
+    for [x, y] in [[0.0, 0.0], [0.4, -0.3], [-0.5, 0.6]] {
+        let seen = found.transform_point3(DVec3::new(x, y, 1.0) * DISTANCE);
+        let expected = [seen.x / seen.z - x, seen.y / seen.z - y];
+        assert_near("a place", &path.at(0.0, [x, y]), &expected, 1e-6);
+    }
+}
+
+/// Rows of a frame.
+const ROWS: usize = 24;
+
+/// The shares of a row in all parts of a frame, and their derivatives.
+fn of_row(parts: &[Option<Part>], row: usize) -> Vec<(f64, f64)> {
+    let within = |part: &Part| {
+        let own = row.checked_sub(part.first).filter(|own| *own < part.shares.len());
+        own.map_or((0.0, 0.0), |own| (part.shares[own], part.slopes[own]))
+    };
+    parts.iter().map(|part| part.as_ref().map_or((0.0, 0.0), within)).collect()
+}
+
+/// Each row is exposed once in all, at the mean time of its height, and a shutter of all rows gives equal shares.
+#[test]
+fn rows_are_exposed_one_after_another() {
+    assert!(parts(4, ROWS, 1.0).iter().flatten().all(|part| part.first == 0 && part.shares == [0.25; ROWS]));
+    let share = 0.3;
+    let found = parts(400, ROWS, share);
+    for row in 0..ROWS {
+        let shares = of_row(&found, row);
+        let sum: f64 = shares.iter().map(|(share, _)| share).sum();
+        let mean: f64 = shares.iter().zip(instants(400)).map(|((share, _), at)| share * at).sum();
+        let y = (2 * row + 1) as f64 / ROWS as f64 - 1.0;
+        // A part is 0.005 long, and its middle stands for all of it.
+        assert!((sum - 1.0).abs() < 1e-12 && (mean - (1.0 - share) * y).abs() < 5e-3, "row {row}: {sum}, {mean}");
+    }
+}
+
+#[test]
+fn shares_of_rows_have_right_derivatives() {
+    const STEP: f64 = 1e-6;
+    for share in [0.11, 0.47, 0.93] {
+        let [less, own, more] = [-STEP, 0.0, STEP].map(|step| parts(7, ROWS, share + step));
+        for row in 0..ROWS {
+            for ((less, own), more) in of_row(&less, row).iter().zip(of_row(&own, row)).zip(of_row(&more, row)) {
+                let slope = (more.0 - less.0) / (2.0 * STEP);
+                assert!((slope - own.1).abs() < 1e-6, "row {row} at {share}: {} for {slope}", own.1);
+            }
+        }
+    }
 }

@@ -45,6 +45,7 @@ use gs_train::run::outcome::{Contents, Outcome, ScenePhotos};
 use gs_train::run::presentation;
 use gs_train::run::progress;
 use gs_train::run::resources::{Spent, Stopwatch};
+use gs_train::run::retaken::retaken;
 use gs_train::run::scene::{LoadedScene, SceneFile, SceneRun, placed_note, translated, within_reach, write_ply_as};
 use gs_train::run::watch::{self, Ending, Job, Plan, Run};
 
@@ -184,7 +185,10 @@ fn finish<M: SceneMethod>(
         run.say(&format!("{}: {note}", path.display()));
     }
     let held_out = HeldOut::of::<M>(&data.scene, None).expect("the reported split");
-    let (measured, pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
+    let (measured, mut pictures) = evaluator.measure(trainer.model(), &data.scene, &held_out, &at, config.eval.images);
+    if config.eval.images > 0 {
+        pictures.extend(retaken(trainer.model(), &data.scene.train, &at, &job.device));
+    }
     let (eval, written) = run.record(step, measured);
     files.tried("eval.json", written);
     let (history, written) = run.finish();

@@ -47,7 +47,7 @@ pub fn from_scene<M: Intake + Saved>(
     let placed = translated(&loaded.gaussians, loaded.origin - data.scene.origin);
     let gaussians = cut(placed, config.model.sh_degree);
     let correction = Correction::begin(&data.scene.train, &Draft::read(&gaussians).means, &config.correction, device);
-    let cameras = CameraPaths::begin(&data.scene.train, config, device);
+    let cameras = CameraPaths::begin(&data.scene.train, &data.facts, config, device);
     Ok(Some(Trainer::from_model(Model { gaussians, correction, cameras, method }, data.facts, config)))
 }
 

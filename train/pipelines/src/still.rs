@@ -4,7 +4,6 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
 use gs_datasets::{LoadOptions, PriorUse, Scene, View, surveyed};
-use gs_models::light::{to_encoded, to_linear};
 
 use gs_train::config::{FitConfig, NOT_NEGATIVE, Section};
 use gs_train::fit::coarse::dilation;
@@ -16,6 +15,7 @@ use gs_train::fit::losses::photometric;
 use gs_train::fit::method::{Drawn, Forward, Method, Step, begin_static};
 use gs_train::fit::photos::Photo;
 use gs_train::fit::saved::Saved;
+use gs_train::fit::shutter::{Instant, formed};
 use gs_train::fit::told::{Introduction, Told};
 use gs_train::section;
 
@@ -70,37 +70,27 @@ impl Method for Still {
         let eps2d = dilation(options.eps2d, photo.pixel);
         let options = RenderOptions { eps2d, depth: photo.extra.is_known(), ..options };
         let extras = Extras { screen: screens.first().cloned(), features: None, room: at.pair_room() };
-        let still = std::slice::from_ref(&photo.camera);
-        let cameras = if photo.poses.is_empty() { still } else { &photo.poses };
-        let renderings: Vec<Rendering> =
-            cameras.iter().map(|camera| render_with(gaussians, camera, &options, extras.clone())).collect();
-        let rendering = &renderings[cameras.len() / 2];
-        let image = photo.taken(mean_of_light(&renderings));
+        let instants = photo.instants(1);
+        let rendered = |instant: &Instant| render_with(gaussians, &instant.camera, &options, extras.clone());
+        let renderings: Vec<Rendering> = instants.iter().map(rendered).collect();
+        let image = photo.taken(formed(&instants, &renderings, photo.camera.height));
         let loss = photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
-        let of_depth =
-            photo.extra.misfit(rendering, photo.mask.as_ref()).map(|misfit| misfit * at.config.method.depth.weight);
+        let middle = instants.len() / 2;
+        let centre = || match instants[middle].is_whole() {
+            true => renderings[middle].clone(),
+            false => rendered(&Instant::still(photo.middle())),
+        };
+        let misfit = options.depth.then(|| photo.extra.misfit(&centre(), photo.mask.as_ref())).flatten();
+        let of_depth = misfit.map(|misfit| misfit * at.config.method.depth.weight);
         Forward {
             // A mean over the pixels that count: beside one over all, the regularisers would be stronger.
             loss: of_depth.map_or(loss.clone(), |term| loss + term) / photo.share,
-            drawn: vec![Drawn {
-                intersections: renderings.iter().map(|rendering| rendering.intersections.clone()).collect(),
-                ..Drawn::of(rendering, screens.first())
-            }],
+            drawn: vec![Drawn::of_all(&renderings, screens.first())],
             images: vec![image],
             notes: Vec::new(),
             remainder: None,
         }
     }
-}
-
-/// The mean light of some renderings, encoded.
-fn mean_of_light(renderings: &[Rendering]) -> Tensor<3> {
-    let mut colors = renderings.iter().map(|rendering| rendering.color.clone());
-    if renderings.len() == 1 {
-        return colors.next().expect("one");
-    }
-    let light = colors.map(to_linear).reduce(|sum, light| sum + light);
-    to_encoded(light.expect("at least one") / renderings.len() as f64)
 }
 
 impl Intake for Still {

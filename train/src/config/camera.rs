@@ -2,7 +2,7 @@
 
 use gs_models::camera_path::DEGREES;
 
-use super::ranges::POSITIVE;
+use super::ranges::{NOT_NEGATIVE, POSITIVE};
 use crate::section;
 
 section! {
@@ -12,6 +12,10 @@ section! {
         motion: usize = 0, in 0..=DEGREES;
         /// Whether the mean pose of each photo is corrected; with a path it always is.
         refine: bool = false;
+        /// Time from the first row's exposure to the last row's, in exposures (rolling shutter); 0: all rows at once.
+        readout: f64 = 0.0, in NOT_NEGATIVE;
+        /// Whether that time is learned, one for all photos; it needs a path.
+        learn_readout: bool = false;
         /// Learning rate at the first step, falling to a tenth: pixels by which a visit of a photo may move its image.
         lr: f64 = 0.25, in POSITIVE;
     }

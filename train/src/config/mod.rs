@@ -116,15 +116,12 @@ pub trait Section:
 }
 
 /// Checks what a pipeline of moving scenes cannot do: photos at a reduced width, because its other data of a photo are
-/// not reduced with it; a begin from a scene, which says nothing of the motion; a region, which things may leave; and
-/// cameras that move or are corrected.
+/// not reduced with it; a begin from a scene, which says nothing of the motion; and a region, which things may leave.
 ///
 /// # Errors
 /// The first value that asks for it.
 pub fn of_moving_scenes(shared: &Config) -> Result<(), ConfigError> {
-    let (share, scene, camera) = (shared.data.coarse_share, &shared.init.scene, &shared.camera);
-    check("camera.motion", camera.motion, camera.motion == 0, "0 in a pipeline of moving scenes")?;
-    check("camera.refine", camera.refine, !camera.refine, "false in a pipeline of moving scenes")?;
+    let (share, scene) = (shared.data.coarse_share, &shared.init.scene);
     check("data.coarse_share", share, share == 0.0, "0 in a pipeline of moving scenes")?;
     check("init.scene", format!("{scene:?}"), scene.is_empty(), "\"\" in a pipeline of moving scenes")?;
     let region = &shared.data.region;

@@ -26,7 +26,7 @@ pub fn photo_of<X>(gaussians: &Gaussians, camera: &Camera, extra: X) -> Photo<X>
         share: 1.0,
         index: 0,
         color: None,
-        poses: Vec::new(),
+        path: None,
         extra,
     }
 }

@@ -6,10 +6,11 @@
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData};
+use glam::DQuat;
 use gs_burn::adam::{Adam, AdamRate};
 use gs_burn::{Camera, NamedGradients};
 use gs_datasets::View;
-use gs_models::camera_path::{Path, TWIST, instants, moved, twists};
+use gs_models::camera_path::{Path, TWIST};
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +18,7 @@ use super::facts::{SceneFacts, focal};
 use super::parameters::to_host;
 use super::random::{Purpose, stream};
 use super::schedule::exponential;
+use super::shutter::ShutterPath;
 use crate::config::{CameraConfig, Config};
 
 /// The last learning rate, in first ones.
@@ -26,55 +28,76 @@ const LAST: f64 = 0.1;
 /// still has no direction in which it would begin to move.
 const FIRST: f64 = 0.5;
 
-/// Pixels of a path from one instant to the next. Gaussians are at least half a pixel wide in the image
-/// ([`RenderConfig::eps2d`](crate::config::RenderConfig)), so that instants that far apart show no steps.
-const APART: f64 = 1.5;
+/// Length of a path below which the camera stands still from then on, pixels: those of sharp photos shrink from the
+/// first one to less than 0.4, and few of shaken ones are below 2.
+const STILL: f64 = 0.5;
 
-/// Fewest and most instants of a photo's exposure: from fewer no path would grow, and each costs a rendering.
-const INSTANTS: [usize; 2] = [3, 7];
+/// Ways of half an exposure by given poses that are used, pixels: a shorter one has no direction, and a longer one is of
+/// photos that do not follow each other.
+const STANDS: f64 = 0.05;
+const LEAPS: f64 = 40.0;
 
 /// Share of the steps before which poses stay as they are given: first shapes need no more.
 const BEGIN: f64 = 0.05;
+
+/// Rate of the share of a frame in which a row is exposed, at the first step: all photos of a camera speak in most
+/// steps, and a run of 1000 steps can reach any share.
+const SHARE_LR: f64 = 2e-3;
+
+/// Least share of a frame in which a row is exposed.
+const SHARE_LEAST: f64 = 0.02;
 
 /// The paths of all photos' cameras.
 #[derive(Module, Debug)]
 pub struct CameraPaths {
     /// `[photos, 6 K]`: the twists of each photo by degree, pixels.
     pub twists: Param<Tensor<2>>,
+    /// `[1]`: the share of a frame in which a row is exposed ([`shutter`](super::shutter)); `None`: all of it.
+    pub share: Option<Param<Tensor<1>>>,
     #[module(skip)]
     frame: PathFrame,
 }
 
-/// The structure of [`CameraPaths`], which a checkpoint holds beside its tensor.
+/// The structure of [`CameraPaths`], which a checkpoint holds beside its tensors.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PathFrame {
     photos: Vec<String>,
     degree: usize,
     /// The bits of the median focal length, pixels: a JSON number may lose the last one.
     focal: u64,
+    /// Whether rows are exposed one after another.
+    rolling: bool,
 }
 
 impl CameraPaths {
     /// The paths before the first step; `None` if none is learned.
-    pub fn begin(views: &[View], config: &Config, device: &Device) -> Option<Self> {
-        let CameraConfig { motion: degree, refine, .. } = config.camera;
+    pub fn begin(views: &[View], facts: &SceneFacts, config: &Config, device: &Device) -> Option<Self> {
+        let CameraConfig { motion: degree, refine, readout, learn_readout, .. } = config.camera;
         let focal = focal(views).filter(|_| degree > 0 || refine)?;
         let photos: Vec<String> = views.iter().map(|view| view.name.clone()).collect();
         let mut rng = stream(config.seed, Purpose::Shake, 0);
         let mut rows = vec![0.0_f32; photos.len() * TWIST * (degree + 1)];
-        for row in rows.chunks_exact_mut(TWIST * (degree + 1)).filter(|_| degree > 0) {
+        let distance = facts.distance();
+        for (row, view) in rows.chunks_exact_mut(TWIST * (degree + 1)).zip(views).filter(|_| degree > 0) {
             let (sin, cos) = rng.random_range(0.0..std::f64::consts::TAU).sin_cos();
-            (row[TWIST], row[TWIST + 1]) = ((FIRST * cos) as f32, (FIRST * sin) as f32);
+            let first = [FIRST * cos, FIRST * sin, 0.0, 0.0, 0.0, 0.0];
+            let half = half_way(view, views, focal, distance).map_or(first, |half| half.map(|x| x * (1.0 + readout)));
+            row[TWIST..2 * TWIST].iter_mut().zip(half).for_each(|(value, half)| *value = half as f32);
         }
-        let shell = Self::of_frame(&PathFrame { photos, degree, focal: focal.to_bits() }, device);
+        let rolling = degree > 0 && (readout > 0.0 || learn_readout);
+        let shell = Self::of_frame(&PathFrame { photos, degree, focal: focal.to_bits(), rolling }, device);
         let twists = Tensor::from_data(TensorData::new(rows, shell.twists.dims()), device);
-        Some(Self { twists: Param::from_tensor(twists), ..shell })
+        // A readout that is learned and not given begins at one exposure.
+        let readout = if readout > 0.0 { readout } else { 1.0 };
+        let share = shell.share.map(|share| share.map(|share| share / (1.0 + readout)));
+        Some(Self { twists: Param::from_tensor(twists), share, frame: shell.frame })
     }
 
-    /// Cameras that stand still where they are given.
+    /// Cameras that stand still where they are given, with a shutter that all rows share.
     pub fn of_frame(frame: &PathFrame, device: &Device) -> Self {
         let zeros = Tensor::zeros([frame.photos.len(), TWIST * (frame.degree + 1)], device);
-        Self { twists: Param::from_tensor(zeros), frame: frame.clone() }
+        let share = frame.rolling.then(|| Param::from_tensor(Tensor::ones([1], device)));
+        Self { twists: Param::from_tensor(zeros), share, frame: frame.clone() }
     }
 
     /// Its structure.
@@ -82,19 +105,26 @@ impl CameraPaths {
         self.frame.clone()
     }
 
-    /// `camera` of a training photo at the instants of its exposure; as it is for a photo that is not known.
-    pub fn cameras(&self, view: &View, camera: &Camera, facts: &SceneFacts) -> Vec<Camera> {
-        let Some(row) = self.frame.photos.iter().position(|name| *name == view.name) else {
-            return vec![camera.clone()];
-        };
+    /// The way of `camera`, the given one of a training photo, through its exposure; `None` for a photo that is not
+    /// known.
+    pub fn path(&self, view: &View, camera: &Camera, facts: &SceneFacts) -> Option<ShutterPath> {
+        let row = self.frame.photos.iter().position(|name| *name == view.name)?;
         let own = self.twists.val().narrow(0, row, 1);
-        let path = Path::of(&to_host(own.clone().inner()));
-        let count = match self.frame.degree {
-            0 => 1,
-            _ => ((path.length() / APART) as usize + 1).clamp(INSTANTS[0], INSTANTS[1]),
-        };
-        let unit = 1.0 / f64::from_bits(self.frame.focal);
-        moved(camera, twists(self.of_mean_zero(own), &instants(count)) * unit, facts.distance())
+        let moves = self.frame.degree > 0;
+        let length = moves.then(|| Path::of(&to_host(own.clone().inner())).length()).filter(|length| *length >= STILL);
+        let twists = self.of_mean_zero(own) / f64::from_bits(self.frame.focal);
+        let share = self.share.as_ref().map(|share| (share.val(), self.share_on_host().unwrap_or(1.0)));
+        Some(ShutterPath { camera: camera.clone(), twists, distance: facts.distance(), length, share })
+    }
+
+    /// The share of a frame in which a row is exposed; `None`: all rows are at once. Reads it back from the device.
+    fn share_on_host(&self) -> Option<f64> {
+        self.share.as_ref().map(|share| f64::from(to_host(share.val().inner())[0]))
+    }
+
+    /// Time from the first row's exposure to the last row's, in exposures; `None`: all rows are at once.
+    pub fn readout(&self) -> Option<f64> {
+        self.share_on_host().map(|share| 1.0 / share - 1.0)
     }
 
     /// A photo's twists `[1, 6 K]` less the mean correction of all.
@@ -107,7 +137,7 @@ impl CameraPaths {
         }
     }
 
-    /// One step of its tensor, whose path begins with `cameras.`.
+    /// One step of its tensors, whose paths begin with `cameras.`.
     pub(super) fn updated(self, gradients: &mut NamedGradients, adam: &mut Adam, config: &Config, step: usize) -> Self {
         let begin = (BEGIN * config.steps as f64) as usize;
         if step <= begin {
@@ -116,8 +146,14 @@ impl CameraPaths {
         // A photo has a gradient once in as many steps as there are photos, and Adam divides by the root of the mean
         // square over all of them.
         let lr = config.camera.lr / (self.frame.photos.len() as f64).sqrt();
-        let rate = exponential(lr, LAST * lr, step - begin, config.steps - begin);
-        adam.update_under("cameras", self, gradients, |_| Some(AdamRate::new(rate)))
+        let falling = |lr| AdamRate::new(exponential(lr, LAST * lr, step - begin, config.steps - begin));
+        let rate = |path: &str| match path.ends_with(".share") {
+            true => config.camera.learn_readout.then(|| falling(SHARE_LR)),
+            false => Some(falling(lr)),
+        };
+        let updated = adam.update_under("cameras", self, gradients, rate);
+        let share = updated.share.map(|share| share.map(|share| share.clamp(SHARE_LEAST, 1.0)));
+        Self { share, ..updated }
     }
 
     /// The paths by the photos' names.
@@ -126,4 +162,25 @@ impl CameraPaths {
         let columns = TWIST * (self.frame.degree + 1);
         self.frame.photos.iter().cloned().zip(rows.chunks_exact(columns).map(Path::of)).collect()
     }
+}
+
+/// Half of the straight way of a photo's camera during its exposure, a twist in pixels, by the given poses of the photos
+/// before and after it; `None` where times or the exposure are not known, or the poses say nothing.
+fn half_way(view: &View, views: &[View], focal: f64, distance: f64) -> Option<[f64; TWIST]> {
+    let (time, exposure) = (view.time?, view.exposure?);
+    let timed = |other: &&View| other.camera_id == view.camera_id && other.time.is_some();
+    let gap = |other: &View| other.time.unwrap_or(time) - time;
+    let [before, after] = [-1.0, 1.0].map(|side| {
+        let others = views.iter().filter(timed).filter(|other| side * gap(other) > 0.0);
+        others.min_by(|a, b| gap(a).abs().total_cmp(&gap(b).abs())).unwrap_or(view)
+    });
+    let motion = after.c2w.inverse() * before.c2w;
+    let share = 0.5 * exposure / (gap(after) - gap(before));
+    let turn = DQuat::from_mat4(&motion).to_scaled_axis();
+    let shift = motion.w_axis.truncate();
+    // The logarithm of a rigid motion, to the second order of the turn.
+    let shift = (shift - 0.5 * turn.cross(shift)) / distance;
+    let half = [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z].map(|x| x * share * focal);
+    let size = half.iter().map(|x| x * x).sum::<f64>().sqrt();
+    (STANDS..LEAPS).contains(&size).then_some(half)
 }

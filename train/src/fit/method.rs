@@ -103,6 +103,20 @@ impl Drawn {
             tiles: Vec::new(),
         }
     }
+
+    /// The quantities of the renderings of one exposure, each made with `screen`: of radii the largest.
+    pub fn of_all(renderings: &[Rendering], screen: Option<&Tensor<2>>) -> Self {
+        let radius = |rendering: &Rendering| {
+            let [_, columns] = rendering.projected.dims();
+            rendering.projected.clone().narrow(1, columns - 1, 1)
+        };
+        let radii = screen.and_then(|_| match renderings {
+            [rendering] => Some(rendering.projected.clone()),
+            _ => renderings.iter().map(radius).reduce(Tensor::max_pair),
+        });
+        let intersections = renderings.iter().map(|rendering| rendering.intersections.clone()).collect();
+        Self { radii, intersections, tiles: Vec::new() }
+    }
 }
 
 /// A departure of one step from the configuration.

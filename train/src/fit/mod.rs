@@ -14,7 +14,7 @@
 //! | [`extrapolation`] | what a method knows of the future of its scene |
 //! | [`initialise`] | the Gaussians of step 0 |
 //! | [`correction`] | exposure and white balance of the photos |
-//! | [`camera_paths`], [`align`] | learned poses of training photos, and those of held-out ones |
+//! | [`camera_paths`], [`shutter`], [`align`] | learned poses of training photos, the images that they form, and poses of held-out photos |
 //! | [`losses`], [`schedule`], [`random`] | loss, decay of rates, random draws |
 //! | [`budget`] | a budget of time as a number of steps |
 //! | [`times`] | a scene at many times |
@@ -50,6 +50,7 @@ pub mod sampler;
 pub mod saved;
 pub mod schedule;
 pub mod session;
+pub mod shutter;
 pub mod snapshot;
 pub mod times;
 pub mod timetable;

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::correction::ColorChange;
 use super::region::Region;
+use super::shutter::{Instant, ShutterPath};
 
 /// A photo on the device, with the method's data.
 #[derive(Debug, Clone)]
@@ -32,8 +33,8 @@ pub struct Photo<X> {
     pub index: usize,
     /// The change of a rendering's colours to the photo's; `None`: none.
     pub color: Option<ColorChange>,
-    /// The camera at the instants of the photo's exposure, in order; empty: as `camera` says all the time.
-    pub poses: Vec<Camera>,
+    /// The camera's way through the photo's exposure; `None`: it is where `camera` says all the time.
+    pub path: Option<ShutterPath>,
     /// The method's data.
     pub extra: X,
 }
@@ -44,6 +45,24 @@ impl<X> Photo<X> {
         match &self.color {
             Some(change) => change.of(seen),
             None => seen,
+        }
+    }
+
+    /// The camera in the middle of the exposure.
+    pub fn middle(&self) -> Camera {
+        self.path.as_ref().map_or_else(|| self.camera.clone(), ShutterPath::middle)
+    }
+
+    /// Length of the photo's frame, from the first row's exposure to the last row's, in exposures.
+    pub fn frame(&self) -> f64 {
+        self.path.as_ref().and_then(|path| path.share.as_ref()).map_or(1.0, |(_, share)| 1.0 / share)
+    }
+
+    /// The instants of the photo's exposure, at least `least` if its camera moves.
+    pub fn instants(&self, least: usize) -> Vec<Instant> {
+        match &self.path {
+            Some(path) => path.instants(least),
+            None => vec![Instant::still(self.camera.clone())],
         }
     }
 }
@@ -183,7 +202,7 @@ impl<'a, X: Extra> Photos<'a, X> {
             share: self.share,
             index,
             color: None,
-            poses: Vec::new(),
+            path: None,
             extra: (self.extra)(view, index, device),
         }
     }

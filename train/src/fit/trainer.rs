@@ -45,7 +45,7 @@ impl<M: Module + ModuleDisplay> Model<M> {
         Self { gaussians, correction: None, cameras: None, method }
     }
 
-    /// Some photos of `views` with the changes of their colours and the poses of their cameras, in this model's graph.
+    /// Some photos of `views` with the changes of their colours and the ways of their cameras, in this model's graph.
     fn taken<'a, X: Clone>(&self, photos: &'a [Photo<X>], views: &[View], facts: &SceneFacts) -> Cow<'a, [Photo<X>]> {
         if self.correction.is_none() && self.cameras.is_none() {
             return Cow::Borrowed(photos);
@@ -53,8 +53,8 @@ impl<M: Module + ModuleDisplay> Model<M> {
         let taken = |photo: &Photo<X>| {
             let view = &views[photo.index];
             let color = self.correction.as_ref().and_then(|it| it.of(view));
-            let poses = self.cameras.as_ref().map(|it| it.cameras(view, &photo.camera, facts));
-            Photo { color, poses: poses.unwrap_or_default(), ..photo.clone() }
+            let path = self.cameras.as_ref().and_then(|it| it.path(view, &photo.camera, facts));
+            Photo { color, path, ..photo.clone() }
         };
         Cow::Owned(photos.iter().map(taken).collect())
     }
@@ -131,7 +131,7 @@ impl<M: Method> Trainer<M> {
     ) -> Self {
         let (initial, method) = M::begin(scene, &Step { step: 0, config, facts: &facts, cues, room: None }, device);
         let correction = Correction::begin(&scene.train, &initial.means, &config.correction, device);
-        let cameras = CameraPaths::begin(&scene.train, config, device);
+        let cameras = CameraPaths::begin(&scene.train, &facts, config, device);
         Self::from_model(Model { gaussians: first(&initial, device), correction, cameras, method }, facts, config)
     }
 

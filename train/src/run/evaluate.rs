@@ -321,7 +321,9 @@ fn of_poses(cameras: &CameraPaths, aligned: &[Scores]) -> Vec<Figure> {
             better("ssim_aligned", "SSIM from aligned poses", ssim, "").digits(4),
         ]
     });
-    aligned.into_iter().flatten().chain(length).collect()
+    let readout =
+        cameras.readout().map(|readout| Figure::new("readout", "readout", readout, "exposures").digits(2).headline());
+    aligned.into_iter().flatten().chain(length).chain(readout).collect()
 }
 
 /// Figures of the photos' corrections; `fitted`: PSNR of views after a fit of colours.

@@ -8,6 +8,7 @@ use crate::config::{FitConfig, InitConfig, Strategy};
 use crate::fit::intake::Intake;
 use crate::fit::parameters::Group;
 use crate::fit::session::AHEAD;
+use crate::fit::shutter::most_instants;
 use crate::fit::told::Told;
 
 /// Predicted peak memory, by purpose.
@@ -70,6 +71,7 @@ impl Prediction {
     ///
     /// - Gaussians: parameters and both moments of every Gaussian at the cap;
     /// - step: gradients, projected rows, intersection lists, images and SSIM maps of one step;
+    /// - instants of an exposure: the renderings of a photo beside the first, if cameras move;
     /// - photos: as 8 bits, at reduced widths, and as cached floats; where they are decoded when they are asked for,
     ///   the bound and those in use;
     /// - the method's own data;
@@ -110,6 +112,10 @@ impl Prediction {
             ),
             (name, stored + cached),
         ];
+        if config.camera.motion > 0 {
+            let further = most_instants(&config.camera) as u64 - 1;
+            parts.push(("instants of an exposure", further * of_rendering(cap, largest)));
+        }
         parts.extend(M::blur().map(|blur| blur.memory(scene, config)).unwrap_or_default());
         parts.push(("program", PROGRAM_BYTES));
         Self { parts }

@@ -6,7 +6,7 @@
 //! | [`watch`] | a run under way, as the loop of a pipeline sees it |
 //! | [`folder`], [`lock`] | where a run's files are, what is in them, and who may write them |
 //! | [`checkpoint`], [`fingerprint`] | saved states, and whether a run goes on with the views it began on |
-//! | [`evaluate`], [`metrics`] | held-out views rendered and measured |
+//! | [`evaluate`], [`metrics`], [`retaken`] | held-out views rendered and measured; blurry photos formed again |
 //! | [`scene`], [`exchange`] | finished scenes in and out, and those of other programs |
 //! | [`outputs`], [`results`], [`listing`] | files that are never written over, and folders that appear whole |
 //! | [`ending`], [`outcome`] | the last files of a run, each if the disk takes it; the contents of its report |
@@ -33,5 +33,6 @@ pub mod profile;
 pub mod progress;
 pub mod resources;
 pub mod results;
+pub mod retaken;
 pub mod scene;
 pub mod watch;

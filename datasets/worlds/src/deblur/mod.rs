@@ -81,6 +81,9 @@ pub struct DeblurOptions {
     /// Typical length of the image's path while the shutter is open by which each photo to learn from has a path of its
     /// own, 0 to 100 pixels; 0: cameras stand still.
     pub shake: f64,
+    /// Rolling shutter of the photos to learn from, if cameras shake: time from the first row's exposure to the last
+    /// row's, in exposures, 0 to 20. The path is that of the whole frame.
+    pub readout: f64,
     /// Points to start from, at most 10 million; 0 writes none.
     pub points: usize,
     /// Faults of the priors.
@@ -104,6 +107,7 @@ impl Default for DeblurOptions {
             exposure: 0.9,
             speed: 1.0,
             shake: 0.0,
+            readout: 0.0,
             points: 4000,
             priors: PriorFaults::default(),
             seed: 0,

@@ -17,16 +17,30 @@ const SHIFTS: DVec3 = DVec3::new(0.15, 0.15, 0.1);
 /// Size of the terms of degrees 1 to 3: hands move smoothly, and turn back.
 const TERMS: [f64; 3] = [1.0, 0.4, 0.2];
 
-/// A camera at `count` even instants of an exposure; halfway it is `camera`. The image of what is `distance` metres
-/// away moves by about `pixels` meanwhile.
-pub(super) fn path(camera: &Camera, (pixels, distance): (f64, f64), count: usize, rng: &mut ChaCha8Rng) -> Vec<Camera> {
-    let mut draw = |sizes: DVec3| TERMS.map(|term| term * sizes * DVec3::from_array([(); 3].map(|()| gaussian(rng))));
-    let angle = pixels / camera.focal;
-    let (turns, shifts) = (draw(TURNS * angle), draw(SHIFTS * angle * distance));
-    let at = |u: f64| {
+/// The way of a camera through a frame.
+pub(super) struct Shake<'a> {
+    camera: &'a Camera,
+    /// Rotation vectors of the terms, radians, camera axes.
+    turns: [DVec3; 3],
+    /// Metres.
+    shifts: [DVec3; 3],
+}
+
+impl<'a> Shake<'a> {
+    /// A way on which the image of what is `distance` metres away moves by about `pixels`.
+    pub(super) fn draw(camera: &'a Camera, (pixels, distance): (f64, f64), rng: &mut ChaCha8Rng) -> Self {
+        let mut draw =
+            |sizes: DVec3| TERMS.map(|term| term * sizes * DVec3::from_array([(); 3].map(|()| gaussian(rng))));
+        let angle = pixels / camera.focal;
+        let (turns, shifts) = (draw(TURNS * angle), draw(SHIFTS * angle * distance));
+        Self { camera, turns, shifts }
+    }
+
+    /// The camera at `u` from -1, where the frame begins, to 1; halfway it is the given one.
+    pub(super) fn at(&self, u: f64) -> Camera {
         let sum = |terms: &[DVec3; 3]| terms[0] * u + terms[1] * u * u + terms[2] * (0.25 * TAU * u).sin() * u * u;
-        DMat4::from_rotation_translation(DQuat::from_scaled_axis(sum(&turns)), sum(&shifts))
-    };
-    let instant = |k: usize| (2 * k + 1) as f64 / count as f64 - 1.0;
-    (0..count).map(|k| Camera { c2w: camera.c2w * at(instant(k)), ..camera.clone() }).collect()
+        let turn = DQuat::from_scaled_axis(sum(&self.turns));
+        let c2w = self.camera.c2w * DMat4::from_rotation_translation(turn, sum(&self.shifts));
+        Camera { c2w, ..self.camera.clone() }
+    }
 }

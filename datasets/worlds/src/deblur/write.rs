@@ -11,8 +11,9 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 
-use super::{DeblurOptions, World, priors, shake};
-use crate::film::{Exposure, Order, Shot, shaken};
+use super::shake::Shake;
+use super::{DeblurOptions, World, priors};
+use crate::film::{Exposure, Order, Shot, instants, shaken};
 use crate::points::Points;
 use crate::random::Draws;
 use crate::ranges::check_ranges;
@@ -64,7 +65,7 @@ const JITTER: f64 = 0.02;
 ///
 /// Keys of the JSON beside the usual ones: `exposure` (unit of `time`), `mask_meaning`, `depth_kind`, `blur_space`; per
 /// frame the paths of priors (`mask_path`, `depth_file_path`, `pseudo_sharp_path`) and under `truth` those of the
-/// truth, and `camera_path`, the poses at the sub-frames, if cameras shake; `movers` with every moving object's pose,
+/// truth, and `camera_path`, poses at even times of the frame, if cameras shake; `movers` with every moving object's pose,
 /// velocity and angular velocity at each time. The JSON is written last: a folder without it is not finished.
 ///
 /// # Errors
@@ -84,9 +85,21 @@ pub fn write(dir: &Path, options: &DeblurOptions, progress: impl Fn(usize, usize
         let mut shot = Cow::Borrowed(shot);
         if options.shake > 0.0 && !photo.camera.is_test {
             let draws = Draws::Shake((photo.number * options.frames + photo.frame) as u64);
-            let path = shake::path(photo.camera, (options.shake, DISTANCE), options.subframes, &mut draws.rng(seed));
-            photo.entry["truth"]["camera_path"] = path.iter().map(|camera| json!(camera.rows())).collect();
-            shot.to_mut().blurry = shaken(&scene, &path, &exposures[photo.frame], Order::Bayer);
+            let shake = Shake::draw(photo.camera, (options.shake, DISTANCE), &mut draws.rng(seed));
+            let middles: Vec<f64> = instants(0.0, 2.0, options.subframes).collect();
+            photo.entry["truth"]["camera_path"] = middles.iter().map(|u| json!(shake.at(*u).rows())).collect();
+            // Of a frame, of which a row is exposed for a share.
+            let (share, half) =
+                (1.0 / (1.0 + options.readout), 0.5 * options.exposure_time() * (1.0 + options.readout));
+            let open = |row: usize| {
+                let y = (2 * row + 1) as f64 / options.height as f64 - 1.0;
+                let at = |u: &f64| {
+                    let u = (1.0 - share) * y + share * u;
+                    (shake.at(u), scene.placed(times[photo.frame] + half * u))
+                };
+                middles.iter().map(at).collect()
+            };
+            shot.to_mut().blurry = shaken(&scene, photo.camera, open, Order::Bayer);
         }
         files(photo, &shot, options, &mut draws.rng(seed))
     };
@@ -124,6 +137,7 @@ fn check(dir: &Path, options: &DeblurOptions) -> Result<(), DatasetError> {
         ("exposure", options.exposure, 0.0..=2.0),
         ("speed", options.speed, -10.0..=10.0),
         ("shake", options.shake, 0.0..=100.0),
+        ("readout", options.readout, 0.0..=20.0),
         ("priors.depth_scale", faults.depth_scale, 0.0..=10.0),
         ("priors.depth_shift", faults.depth_shift, 0.0..=1.0),
         ("priors.depth_noise", faults.depth_noise, 0.0..=1.0),

@@ -54,13 +54,14 @@ fn an_instant_carries_the_gradient_by_the_exposure() {
         let log_tau = 0.2_f64.ln();
         let exposure = |log_tau: f64| Exposure { log_tau: Param::from_tensor(place.tensor(&[log_tau], [1])) };
         let tracked = exposure(log_tau).train();
-        let instants = tracked.instants(WINDOW.t0 + 0.02, Samples::Middles, 4, PART);
-        let plain: f64 = values(&sum(exposure(log_tau).instants(WINDOW.t0 + 0.02, Samples::Middles, 4, PART)))[0];
+        let instants = tracked.instants(WINDOW.t0 + 0.02, &Samples::Middles.offsets(4), PART);
+        let plain: f64 =
+            values(&sum(exposure(log_tau).instants(WINDOW.t0 + 0.02, &Samples::Middles.offsets(4), PART)))[0];
         let loss = sum(instants);
         assert_eq!(values(&loss)[0], plain, "{}: the shift changes values", place.name);
         let gradients = loss.backward();
         let gradient = values(&tracked.log_tau.grad(&gradients).expect("tracked"))[0];
-        let at = |x: f64| values(&sum(exposure(x).instants(WINDOW.t0 + 0.02, Samples::Middles, 4, PART)))[0];
+        let at = |x: f64| values(&sum(exposure(x).instants(WINDOW.t0 + 0.02, &Samples::Middles.offsets(4), PART)))[0];
         let difference = (at(log_tau + 1e-5) - at(log_tau - 1e-5)) / 2e-5;
         assert!((gradient - difference).abs() < 1e-6 * difference.abs(), "{}: {gradient} {difference}", place.name);
     }

@@ -213,6 +213,9 @@ section! {
 
 impl Section for Sections {
     fn check_beside(&self, shared: &Config) -> Result<(), ConfigError> {
+        let camera = &shared.camera;
+        check("camera.motion", camera.motion, camera.motion == 0, "0 in sparsedyn")?;
+        check("camera.refine", camera.refine, !camera.refine, "false in sparsedyn")?;
         of_moving_scenes(shared)?;
         check_density(shared, &self.warmup, self.dynamics.model)
     }

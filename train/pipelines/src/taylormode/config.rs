@@ -32,6 +32,10 @@ impl Section for Sections {
     fn check_beside(&self, shared: &config::Config) -> Result<(), ConfigError> {
         let cap = shared.density.cap;
         check("density.cap", cap, cap <= ROWS_MAX, "at most 16777216 Gaussians of a moving scene")?;
+        // Where the camera moves, all that is seen is blurred: depth and velocity at a pixel do not form it.
+        let (motion, blur) = (shared.camera.motion, &self.blur);
+        let forms = motion == 0 || (blur.mode == BlurMode::Integrate && !blur.decouple);
+        check("camera.motion", motion, forms, "0 without blur.mode = \"integrate\" and blur.decouple = false")?;
         of_moving_scenes(shared)
     }
 }

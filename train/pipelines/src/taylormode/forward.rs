@@ -22,6 +22,7 @@ use super::{Config, PhotoPriors, Step, Taylormode};
 use gs_train::fit::losses::photometric;
 use gs_train::fit::method::{Drawn, Forward, Note};
 use gs_train::fit::photos::Photo;
+use gs_train::fit::shutter::{Instant, formed};
 
 /// Smallest share of the steps at which a misfit of depth priors is told, per cent: the first renderings of a scene
 /// show almost nothing.
@@ -68,6 +69,7 @@ impl Taylormode {
         };
         let Formed { color, loss, drawn } = match at.config.method.blur.mode {
             BlurMode::None => step.unblurred(screen),
+            BlurMode::Integrate if photo.path.is_some() => step.along_the_path(screen),
             BlurMode::Integrate => step.integrated(screen),
             BlurMode::Warp => step.warped(screen),
         };
@@ -113,7 +115,8 @@ impl Formation<'_> {
         let options = ExposureOptions { render, linear: blur.linear, room: self.room };
         // Midpoints: their mean is exact to second order, and covers the shutter's interval for any count.
         let (exposure, shutter) = self.exposure();
-        let instants = exposure.instants(self.photo.time, Samples::Middles, blur.samples_at(self.progress), shutter);
+        let instants =
+            exposure.instants(self.photo.time, &Samples::Middles.offsets(blur.samples_at(self.progress)), shutter);
         let rows = &self.model.motion.rows;
         let formed = expose(&gaussians, &self.paths, rows, &instants, &self.photo.camera, &options, screen.clone());
         let image = self.photo.image.clone();
@@ -141,6 +144,34 @@ impl Formation<'_> {
         }
         let radii = screen.map(|_| formed.radii().unsqueeze_dim(1));
         Formed { color: formed.color, loss, drawn: Drawn { radii, intersections, tiles } }
+    }
+
+    /// The exact formation by a camera that moves too: every instant is rendered whole, from the camera's pose then.
+    fn along_the_path(&self, screen: Option<Tensor<2>>) -> Formed {
+        let photo = self.photo;
+        let cameras = photo.instants(self.config.method.blur.samples_at(self.progress));
+        let (exposure, PhotoShutter { exposure: own, share }) = self.exposure();
+        // Where rows are exposed one after another the frame is longer than an exposure.
+        let shutter = PhotoShutter { exposure: own, share: share * photo.frame() };
+        let offsets: Vec<f64> = cameras.iter().map(|instant| 0.5 * instant.at).collect();
+        let scenes = self.paths.scenes(self.gaussians, &exposure.instants(photo.time, &offsets, shutter));
+        let extras = Extras { features: None, screen: screen.clone(), room: self.room.map(|room| room.pairs) };
+        let rendered = |(scene, instant): (&Gaussians, &Instant)| {
+            render_with(scene, &instant.camera, &self.options, extras.clone())
+        };
+        let renderings: Vec<Rendering> = scenes.iter().zip(&cameras).map(rendered).collect();
+        let color = formed(&cameras, &renderings, photo.camera.height);
+        let mut drawn = Drawn::of_all(&renderings, screen.as_ref());
+        let mut loss = self.photometric(color.clone(), photo.image.clone(), None);
+        if self.priors_count() {
+            let centre = self.centre(None);
+            drawn.intersections.push(centre.intersections.clone());
+            if let Some(sharp) = self.pseudo_term(&centre) {
+                loss = loss + sharp * self.config.method.prior.sharp;
+            }
+            loss = self.add_depth(loss, &centre);
+        }
+        Formed { color, loss, drawn }
     }
 
     /// The paper's formation: the sharp image gathered along the velocity at each moving pixel (Eq. 5 to 12).
@@ -219,7 +250,7 @@ impl Formation<'_> {
         let options = RenderOptions { depth: self.needs_depth(), ..self.options };
         render_with(
             &scene,
-            &self.photo.camera,
+            &self.photo.middle(),
             &options,
             Extras { features, screen, room: self.room.map(|room| room.pairs) },
         )

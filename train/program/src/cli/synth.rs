@@ -114,6 +114,10 @@ pub struct SynthDeblurArgs {
     #[arg(long, default_value_t = 0.0, value_name = "PIXELS")]
     pub shake: f64,
 
+    /// Rolling shutter of a shaking camera: time from the first row's exposure to the last row's, in exposures
+    #[arg(long, default_value_t = 0.0, value_name = "EXPOSURES", requires = "shake")]
+    pub readout: f64,
+
     /// Faults of the priors (depth, masks, pseudo-sharp photos); switching one changes the random draws of the others
     #[arg(long, value_parser = one_of(&PriorFault::ALL, PriorFault::name, PriorFault::in_words), value_delimiter = ',',
           value_name = "LIST", default_values_t = PriorFault::USUAL)]

@@ -70,6 +70,7 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
         exposure: args.exposure,
         speed: args.speed,
         shake: args.shake,
+        readout: args.readout,
         seed: args.seed,
         points: args.points,
         priors: faults(args),

@@ -21,8 +21,11 @@ const SHAKE: f64 = 8.0;
 
 /// A still room, photographed by a shaking hand or a steady one.
 fn room(folder: &Path, shake: f64) -> PathBuf {
-    let path = folder.join(format!("room-{shake}"));
-    let options = DeblurOptions {
+    written(&folder.join(format!("room-{shake}")), &still(shake))
+}
+
+fn still(shake: f64) -> DeblurOptions {
+    DeblurOptions {
         world: World::Cube,
         width: 128,
         height: 96,
@@ -33,9 +36,12 @@ fn room(folder: &Path, shake: f64) -> PathBuf {
         shake,
         seed: 5,
         ..DeblurOptions::default()
-    };
-    deblur::write(&path, &options, |_, _| ()).expect("the room is written");
-    path
+    }
+}
+
+fn written(path: &Path, options: &DeblurOptions) -> PathBuf {
+    deblur::write(path, options, |_, _| ()).expect("the room is written");
+    path.into()
 }
 
 fn job(world: &Path, folder: &Path, steps: usize, more: &[&str]) -> Job {
@@ -110,6 +116,51 @@ fn paths_of_a_shaking_hand_are_learned_measured_and_reported() {
     assert!(error <= ERROR, "lengths are off by {error}: {lengths:?}");
 
     common::is_reported(folder, "with", &with, ("PSNR from aligned poses", aligned));
+}
+
+/// Time from the first row's exposure to the last row's, in exposures.
+const READOUT: f64 = 2.0;
+
+/// Held-out PSNR that a rolling shutter's model gains over one of all rows at once, dB.
+const ROLLING_GAIN: f64 = 1.0;
+
+/// Largest error of the learned readout, natural logarithm.
+const READOUT_ERROR: f64 = 0.25;
+
+/// Rows that are exposed one after another are known as such, and the time between them is learned.
+#[test]
+fn the_readout_of_a_rolling_shutter_is_learned() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let world = written(&folder.join("world"), &DeblurOptions { readout: READOUT, ..still(SHAKE) });
+    let fitted = |name: &str, learn: bool| {
+        let learn = format!("camera.learn_readout={learn}");
+        common::finish(&job(&world, &folder.join(name), STEPS, &["camera.motion=2", &learn])).last
+    };
+    let [at_once, rolling] = [fitted("at-once", false), fitted("rolling", true)];
+    let readout = rolling.figure("readout").expect("a figure");
+    let [at_once, rolling] = [at_once, rolling].map(|eval| eval.mean().psnr);
+    assert!(rolling > at_once + ROLLING_GAIN, "{rolling} dB, {at_once} dB with all rows at once");
+    assert!((readout / READOUT).ln().abs() < READOUT_ERROR, "a readout of {readout} exposures");
+}
+
+/// Held-out PSNR that the cameras' paths gain in a moving scene, dB.
+const MOVING_GAIN: f64 = 1.0;
+
+/// Cameras that shake and an object that moves are told apart.
+#[test]
+fn a_moving_scene_has_moving_cameras() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let options = DeblurOptions { cameras: 8, held_out: 2, frames: 6, speed: 1.0, ..still(SHAKE) };
+    let world = written(&folder.join("world"), &options);
+    let fitted = |name: &str, degree: usize| {
+        let degree = format!("camera.motion={degree}");
+        let overrides = ["pipeline=taylormode", "density.cap=6000", &degree];
+        common::finish(&common::job(&world, &folder.join(name), &common::config(STEPS, &overrides))).last.mean().psnr
+    };
+    let [with, without] = [fitted("with", 1), fitted("without", 0)];
+    assert!(with > without + MOVING_GAIN, "{with} dB with paths, {without} dB without");
 }
 
 /// PSNR that disturbed poses cost at least, and at most where they are corrected, dB: 3.9 and 0.2 dB. Both bounds are
