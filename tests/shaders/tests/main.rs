@@ -7,3 +7,4 @@ mod faults;
 mod kernels;
 #[path = "../../../gs-kernels/tests/scenes/mod.rs"]
 mod scenes;
+mod translation;
