@@ -17,6 +17,6 @@ section! {
         /// Whether that time is learned, one for all photos; it needs a path.
         learn_readout: bool = false;
         /// Learning rate at the first step, falling to a tenth: pixels by which a visit of a photo may move its image.
-        lr: f64 = 0.25, in POSITIVE;
+        lr: f64 = 0.4, in POSITIVE;
     }
 }

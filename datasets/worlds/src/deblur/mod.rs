@@ -81,6 +81,8 @@ pub struct DeblurOptions {
     /// Typical length of the image's path while the shutter is open by which each photo to learn from has a path of its
     /// own, 0 to 100 pixels; 0: cameras stand still.
     pub shake: f64,
+    /// How these paths differ.
+    pub shakes: Shakes,
     /// Rolling shutter of the photos to learn from, if cameras shake: time from the first row's exposure to the last
     /// row's, in exposures, 0 to 20. The path is that of the whole frame.
     pub readout: f64,
@@ -91,6 +93,19 @@ pub struct DeblurOptions {
     /// Seed of all random draws: textures, static objects, cameras, points and faults. The same options write the same
     /// bytes.
     pub seed: u64,
+}
+
+/// Paths of cameras while their shutters are open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shakes {
+    /// Each photo has its own turns and shifts.
+    Own,
+    /// Each photo has its own turns, and no shifts.
+    Turns,
+    /// All photos have one path, in the camera's axes.
+    Common,
+    /// Every tenth photo has its own, and the others none.
+    Tenth,
 }
 
 impl Default for DeblurOptions {
@@ -107,6 +122,7 @@ impl Default for DeblurOptions {
             exposure: 0.9,
             speed: 1.0,
             shake: 0.0,
+            shakes: Shakes::Own,
             readout: 0.0,
             points: 4000,
             priors: PriorFaults::default(),

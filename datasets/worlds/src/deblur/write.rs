@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 
 use super::shake::Shake;
-use super::{DeblurOptions, World, priors};
+use super::{DeblurOptions, Shakes, World, priors};
 use crate::film::{Exposure, Order, Shot, instants, shaken};
 use crate::points::Points;
 use crate::random::Draws;
@@ -83,9 +83,15 @@ pub fn write(dir: &Path, options: &DeblurOptions, progress: impl Fn(usize, usize
     let write = |photo: &mut Photo<'_>, shot: &Shot| {
         let draws = Draws::Prior((photo.number * options.frames + photo.frame) as u64);
         let mut shot = Cow::Borrowed(shot);
-        if options.shake > 0.0 && !photo.camera.is_test {
-            let draws = Draws::Shake((photo.number * options.frames + photo.frame) as u64);
-            let shake = Shake::draw(photo.camera, (options.shake, DISTANCE), &mut draws.rng(seed));
+        let number = (photo.number * options.frames + photo.frame) as u64;
+        let (number, shakes) = match options.shakes {
+            Shakes::Own | Shakes::Turns => (number, true),
+            Shakes::Common => (0, true),
+            Shakes::Tenth => (number, number.is_multiple_of(10)),
+        };
+        if options.shake > 0.0 && shakes && !photo.camera.is_test {
+            let distance = if options.shakes == Shakes::Turns { 0.0 } else { DISTANCE };
+            let shake = Shake::draw(photo.camera, (options.shake, distance), &mut Draws::Shake(number).rng(seed));
             let middles: Vec<f64> = instants(0.0, 2.0, options.subframes).collect();
             photo.entry["truth"]["camera_path"] = middles.iter().map(|u| json!(shake.at(*u).rows())).collect();
             // Of a frame, of which a row is exposed for a share.

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use gs_datasets::{BlurFromFrames, blur_from_frames};
-use gs_worlds::deblur::{self, DeblurOptions, PriorFaults};
+use gs_worlds::deblur::{self, DeblurOptions, PriorFaults, Shakes};
 use gs_worlds::driving::StreetOptions;
 use gs_worlds::extrapolation::{self, ExtrapolationOptions, PriorErrors};
 use gs_worlds::still::{self, StillOptions};
@@ -70,6 +70,7 @@ fn deblur_world(args: &SynthDeblurArgs) -> Result<ExitCode> {
         exposure: args.exposure,
         speed: args.speed,
         shake: args.shake,
+        shakes: Shakes::Own,
         readout: args.readout,
         seed: args.seed,
         points: args.points,

@@ -7,7 +7,7 @@ use gs_pipelines::still::Still;
 use gs_train::fit::camera_paths::CameraPaths;
 use gs_train::run::checkpoint::Checkpoint;
 use gs_train::run::watch::Job;
-use gs_worlds::deblur::{self, DeblurOptions, World};
+use gs_worlds::deblur::{self, DeblurOptions, Shakes, World};
 use serde_json::Value;
 
 use crate::common::{self, read_json};
@@ -161,6 +161,36 @@ fn a_moving_scene_has_moving_cameras() {
     };
     let [with, without] = [fitted("with", 1), fitted("without", 0)];
     assert!(with > without + MOVING_GAIN, "{with} dB with paths, {without} dB without");
+}
+
+/// What a shake may be like: how paths differ, their length (pixels), and the held-out PSNR that learned paths gain at
+/// least from aligned poses, dB.
+const KINDS: [(&str, Shakes, f64, f64); 5] = [
+    ("own paths", Shakes::Own, 8.0, 2.0),
+    ("turns alone", Shakes::Turns, 8.0, 2.0),
+    ("one path of all photos", Shakes::Common, 8.0, 1.0),
+    ("one photo in ten", Shakes::Tenth, 8.0, -0.3),
+    ("40 pixels", Shakes::Own, 40.0, 0.0),
+];
+
+/// A table of the kinds of shake in which methods fail.
+#[test]
+#[ignore = "minutes: ten trainings"]
+fn kinds_of_shake() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let mut lost = Vec::new();
+    for (index, (name, shakes, pixels, least)) in KINDS.into_iter().enumerate() {
+        let folder = temporary.path().join(index.to_string());
+        let world =
+            written(&folder.join("world"), &DeblurOptions { shakes, cameras: 24, held_out: 4, ..still(pixels) });
+        let fitted = |name: &str, more: &[&str]| common::finish(&job(&world, &folder.join(name), STEPS, more)).last;
+        let without = fitted("without", &["camera.refine=true"]).figure("psnr_aligned").expect("a figure");
+        let with = fitted("with", &["camera.motion=2", "camera.learn_readout=true"]);
+        let [aligned, path] = ["psnr_aligned", "camera_path"].map(|key| with.figure(key).unwrap_or(0.0));
+        println!("{name}: {without:.2} dB, {aligned:.2} dB with paths of {path:.1} pixels in the median");
+        lost.extend((aligned < without + least).then_some(name));
+    }
+    assert!(lost.is_empty(), "{lost:?}");
 }
 
 /// PSNR that disturbed poses cost at least, and at most where they are corrected, dB: 3.9 and 0.2 dB. Both bounds are
