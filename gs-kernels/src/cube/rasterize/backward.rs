@@ -96,7 +96,7 @@ fn rasterize_backward_kernel(
     // Rows are written from the first tile of the launch on.
     let base = tile_offsets[first_tile as usize];
     if UNIT_POS == 0 {
-        last_drawn[0].store(begin);
+        last_drawn[0].store(0u32);
     }
     sync_cube();
 
@@ -135,7 +135,7 @@ fn rasterize_backward_kernel(
         }
         behind[j] = t[j] * light;
     }
-    last_drawn[0].fetch_max(own_last);
+    last_drawn[0].fetch_max(own_last - begin);
 
     // The background's gradient is the sum of T v.
     #[unroll]
@@ -156,16 +156,18 @@ fn rasterize_backward_kernel(
 
     // Gaussians behind the last that a pixel blended have a row of zeros.
     let drawn = workgroup_uniform_load_atomic(&last_drawn[0]);
-    let mut at = (drawn - base) as usize * row_len + unit;
+    let mut at = (begin - base + drawn) as usize * row_len + unit;
     while at < (end - base) as usize * row_len {
         pairs[at] = 0.0f32;
         at += UNITS;
     }
     let mut sums = Array::<f32>::new(row_len);
-    let batches = (drawn - begin).div_ceil(batch);
+    // Counted from the list's begin, which is read from a buffer: no barrier below depends on it.
+    let batches = drawn.div_ceil(batch);
     for b in 0..batches {
-        let first = begin + (batches - 1u32 - b) * batch;
-        let rest = drawn - first;
+        let before = (batches - 1u32 - b) * batch;
+        let first = begin + before;
+        let rest = drawn - before;
         let count = select(rest < batch, rest, batch.runtime());
         sync_cube();
         stage(attributes, gaussian_ids, first, count, &mut staged, stride, comptime!(UNITS as u32));

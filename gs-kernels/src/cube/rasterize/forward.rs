@@ -11,6 +11,7 @@ use crate::cube::buffer::{Buffer, grid};
 use crate::cube::error::CubeError;
 use crate::cube::intersect::Intersections;
 use crate::cube::math::finite;
+use crate::cube::uniform::of_first_unit;
 
 /// Shared memory for a batch, in floats (8 KiB).
 const STAGE: usize = 2048;
@@ -63,10 +64,14 @@ fn rasterize_forward_kernel(
     let mut staged = Shared::<[f32]>::new_slice(comptime!(batch as usize * stride));
     let masks = Shared::<[Atomic<u32>]>::new_slice(comptime!((blocks::BLOCKS * words) as usize));
     let ended_pixels = Shared::<[Atomic<u32>]>::new_slice(1usize);
+    let mut slot = Shared::<[u32]>::new_slice(1usize);
+    let begin = tile_offsets[CUBE_POS];
+    let end = tile_offsets[CUBE_POS + 1];
     if UNIT_POS == 0 {
         ended_pixels[0].store(0u32);
     }
-    sync_cube();
+    // The barrier inside is also that of the store.
+    let batches = of_first_unit((end - begin).div_ceil(batch), &mut slot);
     if !inside {
         ended_pixels[0].fetch_add(1u32);
     }
@@ -78,10 +83,7 @@ fn rasterize_forward_kernel(
     }
     let mut t = 1.0f32;
     let mut ended = !inside;
-    let begin = tile_offsets[CUBE_POS];
-    let end = tile_offsets[CUBE_POS + 1];
     let mut last = begin;
-    let batches = (end - begin).div_ceil(batch);
     for b in 0..batches {
         // The barrier inside also keeps the last batch until every unit has finished with it.
         if workgroup_uniform_load_atomic(&ended_pixels[0]) == comptime!(PIXELS as u32) {
