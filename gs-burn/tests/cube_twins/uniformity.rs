@@ -11,9 +11,10 @@ use gs_kernels::cube::sparse_conv::{Table, device_table, forward};
 
 use super::support::{client, down, up, up_u32};
 
-/// Tests that launch all kernels whose loops with barriers have their length from a buffer.
-const LAUNCHING: [&str; 3] = [
+/// Tests that launch all kernels whose loops with barriers have their length from a buffer, in all their forms.
+const LAUNCHING: [&str; 4] = [
     "cube_twins::rasterize::three_channels",
+    "cube_twins::rasterize::one_channel_and_many",
     "cube_twins::instants::a_few_move",
     "cube_twins::uniformity::one_row_is_convolved",
 ];

@@ -111,7 +111,9 @@ fn rasterize_forward_kernel(
         sync_cube();
         if !ended {
             for word in 0..words {
-                let mut bits = masks[(block * words + word) as usize].load();
+                // No `break` behind the words: where there is one word CubeCL drops this loop, and the unit would leave the
+                // loop around, whose barriers are for all.
+                let mut bits = select(ended, 0u32, masks[(block * words + word) as usize].load());
                 while bits != 0u32 {
                     let k = word * 32u32 + bits.trailing_zeros();
                     bits &= bits - 1u32;
@@ -138,9 +140,6 @@ fn rasterize_forward_kernel(
                             }
                         }
                     }
-                }
-                if ended {
-                    break;
                 }
             }
             if ended {
