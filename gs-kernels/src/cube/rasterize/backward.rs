@@ -34,8 +34,14 @@ const OWN: usize = PIXELS / UNITS;
 const ROWS: usize = UNITS / TILE;
 /// The blocks below each other, as bits of a mask: a warp of units looks at those of its half of the tile.
 const COLUMN_OF_BLOCKS: u32 = 0b0101_0101;
-/// Shared memory for a batch, in floats; with the slots (12.2 KiB) it stays under 16 KiB.
-const STAGE: usize = 896;
+/// Shared memory for a batch, in floats.
+const STAGE: usize = 448;
+/// Most rows of a batch, by [`Plan::batch`]: of one channel.
+const ROWS_STAGED: usize = 1 << (STAGE / (GEOMETRY + 1)).ilog2();
+/// Bytes of shared memory of a cube. A card with 100 KB for a multiprocessor holds eleven such cubes, 22 warps; of twice
+/// the size it holds six, whose 12 warps do not hide the barriers and chains of additions.
+const SHARED_BYTES: usize = 8 << 10;
+const _: () = assert!(4 * (STAGE + SLOTS * SLOT + ROWS_STAGED + 1) <= SHARED_BYTES);
 
 /// One cube per tile: writes a row of moments for every pair of the tile, and the tile's part of the background's
 /// gradient.
