@@ -2,7 +2,7 @@
 
 use cubecl::prelude::*;
 
-use super::attributes::{GEOMETRY, PIXELS, Plan, output_pixel, place_of, stage};
+use super::attributes::{PIXELS, Plan, Quad, channel, output_pixel, place_of, quads, stage};
 use super::blocks::{self, reaches};
 use crate::config::RasterizeConfig;
 use crate::constants::TILE;
@@ -23,7 +23,7 @@ pub(super) const UNROLLED: usize = 40;
 /// all its pixels have. `saved` is [`Saved::pixels`].
 #[cube(launch_unchecked)]
 fn rasterize_forward_kernel(
-    attributes: &[f32],
+    attributes: &[Quad],
     background: &[f32],
     tile_offsets: &[u32],
     gaussian_ids: &[u32],
@@ -44,7 +44,7 @@ fn rasterize_forward_kernel(
         terminate!();
     }
     let blended = comptime!(channels + depth as usize);
-    let stride = comptime!(GEOMETRY + channels + depth as usize);
+    let quads = comptime!(quads(channels + depth as usize));
     let unroll = comptime!(channels <= UNROLLED);
     // Words of 32 Gaussians in a block's mask.
     let words = comptime!(batch.div_ceil(32));
@@ -61,7 +61,7 @@ fn rasterize_forward_kernel(
     let pixel_y = f32::cast_from(y) + 0.5f32;
     let inside = x < width && y < height;
 
-    let mut staged = Shared::<[f32]>::new_slice(comptime!(batch as usize * stride));
+    let mut staged = Shared::<[Quad]>::new_slice(comptime!(batch as usize * quads));
     let masks = Shared::<[Atomic<u32>]>::new_slice(comptime!((blocks::BLOCKS * words) as usize));
     let ended_pixels = Shared::<[Atomic<u32>]>::new_slice(1usize);
     let mut slot = Shared::<[u32]>::new_slice(1usize);
@@ -95,7 +95,7 @@ fn rasterize_forward_kernel(
         if UNIT_POS < comptime!(blocks::BLOCKS * words) {
             masks[UNIT_POS as usize].store(0u32);
         }
-        stage(attributes, gaussian_ids, first, count, &mut staged, stride, comptime!(PIXELS as u32));
+        stage(attributes, gaussian_ids, first, count, &mut staged, quads, comptime!(PIXELS as u32));
         sync_cube();
         let mut test = UNIT_POS;
         while test < count * blocks::BLOCKS {
@@ -103,7 +103,7 @@ fn rasterize_forward_kernel(
             let of = test % blocks::BLOCKS;
             let block_x = f32::cast_from(left + of % blocks::ACROSS * blocks::WIDE) + 0.5f32;
             let block_y = f32::cast_from(top + of / blocks::ACROSS * blocks::HIGH) + 0.5f32;
-            if reaches(&staged, k as usize * stride, block_x, block_y) {
+            if reaches(&staged, k as usize * quads, block_x, block_y) {
                 masks[(of * words + k / 32u32) as usize].fetch_or(1u32 << (k % 32u32));
             }
             test += comptime!(PIXELS as u32);
@@ -117,12 +117,13 @@ fn rasterize_forward_kernel(
                 while bits != 0u32 {
                     let k = word * 32u32 + bits.trailing_zeros();
                     bits &= bits - 1u32;
-                    let row = k as usize * stride;
-                    let dx = pixel_x - staged[row];
-                    let dy = pixel_y - staged[row + 1];
-                    let at = place(dx, dy, staged[row + 2], staged[row + 3], staged[row + 4]);
-                    if at.twice_sigma <= staged[row + 6] {
-                        let raw = raw_alpha(at.twice_sigma, staged[row + 5]);
+                    let row = k as usize * quads;
+                    let (one, two) = (staged[row], staged[row + 1]);
+                    let dx = pixel_x - one.extract(0usize);
+                    let dy = pixel_y - one.extract(1usize);
+                    let at = place(dx, dy, one.extract(2usize), one.extract(3usize), two.extract(0usize));
+                    if at.twice_sigma <= two.extract(2usize) {
+                        let raw = raw_alpha(at.twice_sigma, two.extract(1usize));
                         if raw >= ALPHA_MIN {
                             let alpha = capped(raw);
                             let next = t * (1.0f32 - alpha);
@@ -133,7 +134,7 @@ fn rasterize_forward_kernel(
                                 let weight = alpha * t;
                                 #[unroll(unroll)]
                                 for c in 0..blended {
-                                    sums[c] += weight * staged[row + GEOMETRY + c];
+                                    sums[c] += weight * channel(&staged, row, c);
                                 }
                                 t = next;
                                 last = first + k + 1u32;
@@ -201,7 +202,7 @@ pub struct Inputs<'a> {
 /// The results of the forward pass that the backward one reads.
 #[derive(Clone, Debug)]
 pub struct Saved {
-    /// The packed rows, `[N, 9 + blended]`.
+    /// The packed rows.
     pub attributes: Buffer,
     /// Bits of each pixel's final transmittance `[pixels]`, one past the place of its last Gaussian in the lists
     /// `[pixels]`, and bits of the background `[C]`, zero where it is not finite. Bits, because a shader may flush a
