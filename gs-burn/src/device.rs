@@ -17,6 +17,10 @@ mod several;
 #[cfg(feature = "vulkan")]
 mod spirv;
 
+#[cfg(feature = "cube")]
+pub(crate) use adapters::class_of_cube;
+#[cfg(feature = "cube")]
+pub(crate) use choice::AdapterClass;
 pub use several::{beside, is_cuda};
 
 use std::fmt;

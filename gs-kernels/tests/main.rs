@@ -4,6 +4,7 @@
 //! same kernels in both float types through Burn.
 
 mod exposure;
+mod fast_math;
 mod hostile;
 mod saved;
 mod scenes;

@@ -6,30 +6,33 @@
 //! bit of the result.
 
 use burn_cubecl::CubeDevice;
+use burn_cubecl::cubecl::client::Client;
 use gs_kernels::cube::rasterize::PAIR_BYTES;
+
+use crate::device::{AdapterClass, class_of_cube};
 
 /// Most bytes of pair rows in a launch where the device may be a GPU in a processor: 4.6 million pairs of three
 /// channels, which take 480 warp instructions each if no pixel ends before them, at 4.8 G a second (24 units of 8 lanes
 /// at 1.15 GHz, 70 % used) 0.46 s.
 const PAIR_BYTES_OF_SMALL: usize = 192 << 20;
 
-/// Most bytes of pair rows in a launch of the rasterizer's backward pass on this device. A scene with more pairs reads
-/// the tiles' offsets back, which waits for the device.
-pub(super) fn pair_bytes(device: &CubeDevice) -> usize {
-    if may_be_small(device) { PAIR_BYTES_OF_SMALL } else { PAIR_BYTES }
+/// The share of a card's memory that pair rows may take. A scene with as many pairs fills the rest with its lists, its
+/// Gaussians and their moments.
+const SHARE_OF_MEMORY: u64 = 8;
+
+/// Most bytes of pair rows in a launch of the rasterizer's backward pass on this device, whose buffers are smaller
+/// still where its driver says so. A scene with more pairs reads the tiles' offsets back, which waits for the device.
+pub(super) fn pair_bytes(device: &CubeDevice, client: &Client) -> usize {
+    bytes_of(class_of_cube(device), client.properties().memory.max_memory())
 }
 
-/// An adapter that was not asked for by its class may be of any.
-#[cfg(any(feature = "wgpu", feature = "vulkan", feature = "metal"))]
-fn may_be_small(device: &CubeDevice) -> bool {
-    use burn_cubecl::cubecl::wgpu::WgpuDeviceKind;
-    matches!(device, CubeDevice::Wgpu(own) if !matches!(own.kind, WgpuDeviceKind::DiscreteGpu(_)))
-}
-
-/// CUDA's devices are cards.
-#[cfg(not(any(feature = "wgpu", feature = "vulkan", feature = "metal")))]
-fn may_be_small(_: &CubeDevice) -> bool {
-    false
+/// [`pair_bytes`] of an adapter of this class with so many bytes of memory, if its driver says.
+fn bytes_of(class: AdapterClass, memory: Option<u64>) -> usize {
+    let of_card = |memory: u64| usize::try_from(memory / SHARE_OF_MEMORY).unwrap_or(usize::MAX);
+    match class {
+        AdapterClass::Discrete => memory.map_or(PAIR_BYTES, of_card),
+        _ => PAIR_BYTES_OF_SMALL,
+    }
 }
 
 #[cfg(test)]
@@ -47,14 +50,13 @@ mod tests {
         const { assert!(PAIR_BYTES_OF_SMALL < PAIR_BYTES) };
     }
 
-    #[cfg(feature = "wgpu")]
     #[test]
-    fn only_a_card_has_the_large_bound() {
-        use burn_cubecl::cubecl::wgpu::{WgpuDevice, WgpuDeviceKind};
-        let of = |kind| pair_bytes(&CubeDevice::Wgpu(WgpuDevice::new(kind)));
-        assert_eq!(of(WgpuDeviceKind::DiscreteGpu(1)), PAIR_BYTES);
-        for kind in [WgpuDeviceKind::IntegratedGpu(0), WgpuDeviceKind::Cpu, WgpuDeviceKind::DefaultDevice] {
-            assert_eq!(of(kind), PAIR_BYTES_OF_SMALL);
+    fn a_card_has_an_eighth_of_its_memory_and_others_the_small_bound() {
+        assert_eq!(bytes_of(AdapterClass::Discrete, Some(24 << 30)), 3 << 30);
+        assert_eq!(bytes_of(AdapterClass::Discrete, Some(8 << 30)), 1 << 30);
+        assert_eq!(bytes_of(AdapterClass::Discrete, None), PAIR_BYTES);
+        for class in [AdapterClass::Integrated, AdapterClass::Virtual, AdapterClass::Other, AdapterClass::Software] {
+            assert_eq!(bytes_of(class, Some(24 << 30)), PAIR_BYTES_OF_SMALL);
         }
     }
 }

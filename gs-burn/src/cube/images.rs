@@ -71,20 +71,22 @@ impl OnCube<1, 1> for Average {
     }
 }
 
-/// Both terms `[2]`, and the maps for the backward pass.
-fn compare(image: CubeTensor, target: CubeTensor) -> [CubeTensor; 2] {
+/// Both terms `[2]`, and the maps for the backward pass, each `[H, W, C]`.
+fn compare(image: CubeTensor, target: CubeTensor) -> (CubeTensor, [CubeTensor; 3]) {
     let launch = Launch::of(&image);
     let [height, width, channels] = image.meta.shape().dims();
     let [image, target] = [image, target].map(|t| launch.floats(t));
     let result = unwrap(ssim::forward(&launch.client, &image, &target, width, height, channels));
-    [launch.float_tensor(result.means, [2]), launch.float_tensor(result.saved, [3, height, width, channels])]
+    let maps = result.saved.map(|map| launch.float_tensor(map, [height, width, channels]));
+    (launch.float_tensor(result.means, [2]), maps)
 }
 
 /// Gradient with respect to `image` `[H, W, C]`, from `v_terms` `[2]`.
-fn by_image(image: CubeTensor, target: CubeTensor, saved: CubeTensor, v_terms: CubeTensor) -> CubeTensor {
+fn by_image(image: CubeTensor, target: CubeTensor, saved: [CubeTensor; 3], v_terms: CubeTensor) -> CubeTensor {
     let launch = Launch::of(&image);
     let [height, width, channels] = image.meta.shape().dims();
-    let [image, target, saved, v_terms] = [image, target, saved, v_terms].map(|t| launch.floats(t));
+    let [image, target, v_terms] = [image, target, v_terms].map(|t| launch.floats(t));
+    let saved = saved.map(|t| launch.floats(t));
     let v_image = ssim::backward(&launch.client, &image, &target, &saved, width, height, channels, &v_terms);
     launch.float_tensor(unwrap(v_image), [height, width, channels])
 }
@@ -92,7 +94,7 @@ fn by_image(image: CubeTensor, target: CubeTensor, saved: CubeTensor, v_terms: C
 impl OnCube<2, 0> for Comparison {
     fn forward(&self, [image, target]: [CubeTensor; 2], []: [CubeTensor; 0], _: bool) -> Output<CubeBackend> {
         let launch = Launch::of(&image);
-        let [terms, maps] = compare(image, target);
+        let (terms, maps) = compare(image, target);
         let tensor = match self.dssim {
             None => terms,
             Some(dssim) => {
@@ -100,7 +102,7 @@ impl OnCube<2, 0> for Comparison {
                 launch.float_tensor(loss, [1])
             }
         };
-        Output { tensor, saved: Tensors::of_floats([maps]) }
+        Output { tensor, saved: Tensors::of_floats(maps) }
     }
 
     fn backward(
@@ -117,11 +119,8 @@ impl OnCube<2, 0> for Comparison {
                 launch.float_tensor(v_terms, [2])
             }
         };
-        let (inputs, ([maps], [])) = (state.inputs(), state.saved.into_arrays());
-        let swapped = |target, image| {
-            let [_, maps] = compare(target, image);
-            maps
-        };
+        let (inputs, (maps, [])) = (state.inputs(), state.saved.into_arrays());
+        let swapped = |target, image| compare(target, image).1;
         let gradient = |image, target, maps| by_image(image, target, maps, v_terms.clone());
         Self::by_both(inputs, maps, wanted, swapped, gradient)
     }

@@ -165,7 +165,7 @@ impl OnCube<5, 5> for Rasterization {
         let ([rows], [words]) = state.saved.into_arrays();
         let saved = rasterize::Saved { attributes: launch.floats(rows), pixels: launch.ints(words) };
         let v_output = launch.floats(v);
-        let bytes = dispatches::pair_bytes(&launch.device);
+        let bytes = dispatches::pair_bytes(&launch.device, &launch.client);
         let gradients = with_buffers(&launch, inputs, state.lists, |inputs| {
             rasterize::backward_within(&launch.client, config, inputs, &saved, &v_output, wanted[3], bytes)
         });

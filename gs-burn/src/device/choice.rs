@@ -7,7 +7,7 @@ use super::DeviceKind;
 /// The sort of an adapter, in the order in which `auto` prefers them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[allow(dead_code)] // CUDA lists cards alone.
-pub(super) enum AdapterClass {
+pub(crate) enum AdapterClass {
     /// A card with its own memory.
     Discrete,
     /// A part of the processor, with the processor's memory.

@@ -45,8 +45,8 @@ fn check(image: &Tensor<3>, target: &Tensor<3>) {
     assert_same_dtype("target", target, "image", image);
 }
 
-/// [`l1_ssim`], or with a factor [`photometric_loss`], as an operation. It saves `[3, H, W, C]`: derivatives of each
-/// pixel's SSIM with respect to the window's mean, mean square and mean product.
+/// [`l1_ssim`], or with a factor [`photometric_loss`], as an operation. It saves the derivatives of each pixel's SSIM
+/// with respect to the window's mean, mean square and mean product: `[3, H, W, C]`, on a GPU three tensors `[H, W, C]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Comparison {
     /// The factor of the loss, if the result is one: `(1 - dssim) terms[0] + dssim (1 - terms[1])`.
@@ -56,12 +56,12 @@ pub(crate) struct Comparison {
 impl Comparison {
     /// The gradients by both images. That by the target is the one by the image with exchanged roles, because both
     /// terms are symmetric. A tracked target is rare, so its maps are made only then.
-    pub(crate) fn by_both<T: Clone>(
+    pub(crate) fn by_both<T: Clone, M>(
         [image, target]: [T; 2],
-        saved: T,
+        saved: M,
         wanted: [bool; 2],
-        maps: impl Fn(T, T) -> T,
-        gradient: impl Fn(T, T, T) -> T,
+        maps: impl Fn(T, T) -> M,
+        gradient: impl Fn(T, T, M) -> T,
     ) -> [Option<T>; 2] {
         let by_target = wanted[1].then(|| {
             let swapped = maps(target.clone(), image.clone());

@@ -19,3 +19,4 @@ mod scan;
 mod sh;
 mod sort;
 mod ssim;
+mod uniformity;

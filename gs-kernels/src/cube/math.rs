@@ -40,11 +40,13 @@ pub(crate) struct Quat {
     pub z: f32,
 }
 
-/// Whether `value` is neither infinite nor NaN. Read off the exponent's bits, because a shader compiler may assume that
-/// NaN never occurs and drop `x != x`.
+/// Whether `value` is neither infinite nor NaN. Read off the bits, because a shader compiler may assume that NaN never
+/// occurs and drop `x != x`. Compared as a whole number below the exponent of infinity: LLVM knows the test of the
+/// exponent alone (`bits & 0x7f800000 != 0x7f800000`), and under fast math it makes that one `true`
+/// (`tests/fast_math.rs`).
 #[cube]
 pub(crate) fn finite(value: f32) -> bool {
-    (u32::reinterpret(value) & 0x7f80_0000u32) != 0x7f80_0000u32
+    (u32::reinterpret(value) & 0x7fff_ffffu32) < 0x7f80_0000u32
 }
 
 /// Whether all components are finite.

@@ -33,3 +33,4 @@ pub mod sparse_conv;
 pub mod ssim;
 pub mod statistics;
 pub mod sum;
+pub(crate) mod uniform;

@@ -6,6 +6,7 @@ use cubecl::prelude::*;
 use crate::config::NoiseConfig;
 use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid_for};
 use crate::cube::math::{Quat, Vec3, finite3, mat_t_vec, mat_vec, norm2, read3, rotation, scaled, times};
+use crate::cube::opacity::{is_number, sigmoid};
 use crate::random::{PARITY, ROTATIONS, ROUNDS, UNIFORM_BITS};
 
 /// Two words.
@@ -70,9 +71,10 @@ struct NoiseScalars {
     gate_min: f32,
 }
 
+/// [`crate::cpu::noise::gate`].
 #[cube]
-fn sigmoid(x: f32) -> f32 {
-    1.0f32 / (1.0f32 + (-x).exp())
+fn gate_of(logit: f32, steepness: f32, opacity: f32) -> f32 {
+    sigmoid(steepness * (opacity - sigmoid(logit)))
 }
 
 /// One unit per Gaussian.
@@ -89,8 +91,9 @@ fn noise_kernel(
     if index >= count as usize {
         terminate!();
     }
-    let gate = sigmoid(scalars.steepness * (scalars.opacity - sigmoid(logits[index])));
-    if gate >= scalars.gate_min {
+    let logit = logits[index];
+    let gate = gate_of(logit, scalars.steepness, scalars.opacity);
+    if is_number(logit) && gate >= scalars.gate_min {
         let key = Words { a: scalars.key_a, b: scalars.key_b };
         let row = index as u32;
         let one = threefry(key, row, scalars.first);
@@ -163,5 +166,21 @@ pub fn perturb(
             count as u32,
             scalars,
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A gate of zero would be one over infinity, which WGSL leaves open. The kernel's function runs on the host here.
+    #[test]
+    fn no_exponential_of_the_gate_overflows() {
+        for (logit, gate) in
+            [(6.0, (-99.25f64).exp()), (2.2, (-89.525f64).exp()), (-40.0, 1.0 / (1.0 + (-0.5f64).exp()))]
+        {
+            let found = f64::from(gate_of(logit, 100.0, 0.005));
+            assert!((found / gate - 1.0).abs() < 0.02, "{found:e} instead of {gate:e}");
+        }
     }
 }

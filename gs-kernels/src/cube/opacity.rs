@@ -8,18 +8,23 @@ use crate::cube::error::CubeError;
 /// Whether `value` is a number or infinite. Read off the bits, because a shader compiler may assume that NaN never
 /// occurs.
 #[cube]
-fn is_number(value: f32) -> bool {
+pub(crate) fn is_number(value: f32) -> bool {
     (u32::reinterpret(value) & 0x7fff_ffffu32) <= 0x7f80_0000u32
+}
+
+/// `1 / (1 + exp(-x))`.
+#[cube]
+pub(crate) fn sigmoid(x: f32) -> f32 {
+    // The exponential of a positive number may be infinite, and WGSL leaves open what one over infinity is.
+    let e = (-x.abs()).exp();
+    let near = 1.0f32 / (1.0f32 + e);
+    select(x < 0.0f32, e * near, near)
 }
 
 /// The opacity of a logit.
 #[cube]
 pub(crate) fn opacity_of(logit: f32) -> f32 {
-    // The exponential of a positive number may be infinite, and WGSL leaves open what one over infinity is.
-    let e = (-logit.abs()).exp();
-    let near = 1.0f32 / (1.0f32 + e);
-    let value = select(logit < 0.0f32, e * near, near);
-    select(is_number(logit), value, 0.0f32)
+    select(is_number(logit), sigmoid(logit), 0.0f32)
 }
 
 /// The derivative of [`opacity_of`].

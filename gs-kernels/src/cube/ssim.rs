@@ -66,9 +66,9 @@ fn own_tile(tile_columns: u32, channels: u32) -> TileChannel {
     }
 }
 
-/// Value `k` of the staged tile of a map that begins at `start`; 0 outside the image.
+/// Value `k` of the staged tile of a map; 0 outside the image.
 #[cube]
-fn read_staged(map: &[f32], start: usize, k: u32, tile: TileChannel, width: u32, height: u32, channels: u32) -> f32 {
+fn read_staged(map: &[f32], k: u32, tile: TileChannel, width: u32, height: u32, channels: u32) -> f32 {
     // Offset by the margin, so that unsigned numbers do not go below zero.
     let x = tile.x + k % comptime!(WIDE as u32);
     let y = tile.y + k / comptime!(WIDE as u32);
@@ -76,7 +76,7 @@ fn read_staged(map: &[f32], start: usize, k: u32, tile: TileChannel, width: u32,
     let mut value = 0.0f32;
     if x >= halo && y >= halo && x < width + halo && y < height + halo {
         let pixel = (y - halo) as usize * width as usize + (x - halo) as usize;
-        value = map[start + pixel * channels as usize + tile.channel as usize];
+        value = map[pixel * channels as usize + tile.channel as usize];
     }
     value
 }
@@ -86,7 +86,9 @@ fn read_staged(map: &[f32], start: usize, k: u32, tile: TileChannel, width: u32,
 fn ssim_forward_kernel(
     image: &[f32],
     target: &[f32],
-    saved: &mut [f32],
+    by_mean: &mut [f32],
+    by_square: &mut [f32],
+    by_product: &mut [f32],
     sums: &mut [f32],
     width: u32,
     height: u32,
@@ -104,8 +106,8 @@ fn ssim_forward_kernel(
 
     let mut k = UNIT_POS;
     while k < comptime!(AREA as u32) {
-        x[k as usize] = clean(read_staged(image, 0usize, k, tile, width, height, channels)) - SHIFT;
-        y[k as usize] = clean(read_staged(target, 0usize, k, tile, width, height, channels)) - SHIFT;
+        x[k as usize] = clean(read_staged(image, k, tile, width, height, channels)) - SHIFT;
+        y[k as usize] = clean(read_staged(target, k, tile, width, height, channels)) - SHIFT;
         k += comptime!(UNITS as u32);
     }
     sync_cube();
@@ -172,13 +174,12 @@ fn ssim_forward_kernel(
     let inside = pixel_x < width && pixel_y < height;
     let centre = (row + HALO) * WIDE + column + HALO;
     if inside {
-        let size = width as usize * height as usize * channels as usize;
         let at = (pixel_y as usize * width as usize + pixel_x as usize) * channels as usize + tile.channel as usize;
         let numerator = (mean_y * a2 - my * a1) * both;
         let denominator = similarity * (mean_x * inverse1 - mx * inverse2);
-        saved[at] = 2.0f32 * (numerator - denominator);
-        saved[size + at] = -similarity * inverse2;
-        saved[2 * size + at] = 2.0f32 * a1 * both;
+        by_mean[at] = 2.0f32 * (numerator - denominator);
+        by_square[at] = -similarity * inverse2;
+        by_product[at] = 2.0f32 * a1 * both;
     }
     let l1 = select(inside, (x[centre] - y[centre]).abs(), 0.0f32);
     let similarity = select(inside, similarity, 0.0f32);
@@ -209,15 +210,16 @@ fn ssim_mean_kernel(sums: &[f32], means: &mut [f32], cubes: u32, scale: f32) {
 pub struct SsimForward {
     /// `[2]`: mean absolute difference, mean structural similarity.
     pub means: Buffer,
-    /// `[3, H, W, C]`: derivatives of each pixel's SSIM with respect to `mu_x`, `E_xx`, `E_xy`.
-    pub saved: Buffer,
+    /// Derivatives of each pixel's SSIM with respect to `mu_x`, `E_xx` and `E_xy`, each `[H, W, C]`. Three buffers,
+    /// because one of all would be the largest of a training: 285 MiB for a photo of 3840 x 2160, where WebGPU binds 128.
+    pub saved: [Buffer; DERIVATIVES],
 }
 
 /// Compares `image` with `target`, both `[H, W, C]`; the twin of [`crate::cpu::ssim::forward`]. Values that are not
 /// finite or beyond [`constants::PIXEL_MAX`] count as 0.
 ///
 /// # Errors
-/// When the saved maps exceed one buffer.
+/// When a saved map exceeds one buffer.
 ///
 /// # Panics
 /// When the buffers disagree in length.
@@ -232,10 +234,11 @@ pub fn forward(
     let len = check(image, target, width, height, channels);
     if len == 0 {
         let means = Buffer::upload(client, "means of L1 and SSIM", &[0.0f32, 1.0])?;
-        return Ok(SsimForward { means, saved: Buffer::empty(client, "derivatives of SSIM", 0)? });
+        return Ok(SsimForward { means, saved: maps(client, 0)? });
     }
     let (columns, cubes) = cubes(width, height, channels);
-    let saved = Buffer::empty(client, "derivatives of SSIM", 3 * len)?;
+    let saved = maps(client, len)?;
+    let [by_mean, by_square, by_product] = &saved;
     let sums = Buffer::empty(client, "sums of L1 and SSIM", 2 * cubes)?;
     let means = Buffer::empty(client, "means of L1 and SSIM", 2)?;
     ssim_forward_kernel::launch(
@@ -244,7 +247,9 @@ pub fn forward(
         cube_dim(),
         image.arg(),
         target.arg(),
-        saved.arg(),
+        by_mean.arg(),
+        by_square.arg(),
+        by_product.arg(),
         sums.arg(),
         width as u32,
         height as u32,
@@ -262,7 +267,9 @@ pub fn forward(
 fn ssim_backward_kernel(
     image: &[f32],
     target: &[f32],
-    saved: &[f32],
+    by_mean: &[f32],
+    by_square: &[f32],
+    by_product: &[f32],
     v_means: &[f32],
     v_image: &mut [f32],
     width: u32,
@@ -276,16 +283,15 @@ fn ssim_backward_kernel(
         terminate!();
     }
     let tile = own_tile(tile_columns, channels);
-    let size = width as usize * height as usize * channels as usize;
     let mut maps = Shared::<[f32]>::new_slice(comptime!(AREA * DERIVATIVES));
     let mut filtered = Shared::<[f32]>::new_slice(comptime!(STRIP * DERIVATIVES));
 
     let mut k = UNIT_POS;
     while k < comptime!(AREA as u32) {
-        #[unroll]
-        for map in 0..DERIVATIVES {
-            maps[map * AREA + k as usize] = read_staged(saved, map * size, k, tile, width, height, channels);
-        }
+        let at = k as usize;
+        maps[at] = read_staged(by_mean, k, tile, width, height, channels);
+        maps[AREA + at] = read_staged(by_square, k, tile, width, height, channels);
+        maps[2 * AREA + at] = read_staged(by_product, k, tile, width, height, channels);
         k += comptime!(UNITS as u32);
     }
     sync_cube();
@@ -347,25 +353,28 @@ pub fn backward(
     client: &Client,
     image: &Buffer,
     target: &Buffer,
-    saved: &Buffer,
+    saved: &[Buffer; DERIVATIVES],
     width: usize,
     height: usize,
     channels: usize,
     v_means: &Buffer,
 ) -> Result<Buffer, CubeError> {
     let len = check(image, target, width, height, channels);
-    assert_eq!(saved.len(), 3 * len, "saved must be [3, {height}, {width}, {channels}]");
+    assert!(saved.iter().all(|map| map.len() == len), "each saved map must be [{height}, {width}, {channels}]");
     assert_eq!(v_means.len(), 2, "v_means must hold the gradients by L1 and SSIM");
     let v_image = Buffer::empty(client, "gradient of the image", len)?;
     if len > 0 {
         let (columns, cubes) = cubes(width, height, channels);
+        let [by_mean, by_square, by_product] = saved;
         ssim_backward_kernel::launch(
             client,
             grid(cubes),
             cube_dim(),
             image.arg(),
             target.arg(),
-            saved.arg(),
+            by_mean.arg(),
+            by_square.arg(),
+            by_product.arg(),
             v_means.arg(),
             v_image.arg(),
             width as u32,
@@ -377,6 +386,12 @@ pub fn backward(
         );
     }
     Ok(v_image)
+}
+
+/// Room for the saved maps of `len` values.
+fn maps(client: &Client, len: usize) -> Result<[Buffer; DERIVATIVES], CubeError> {
+    let map = || Buffer::empty(client, "derivatives of SSIM", len);
+    Ok([map()?, map()?, map()?])
 }
 
 /// Tile columns, and cubes for all tiles and channels.

@@ -2,7 +2,8 @@
 //! cache lines and through one binding.
 //!
 //! Row: mean x, mean y, d1, l, d2, opacity, the size of the cut-off ellipse (`k`, `reach_y`, `turn`), then the blended
-//! channels (features, and depth if it is accumulated). With three channels a row is 48 bytes.
+//! channels (features, and depth if it is accumulated), then zeros up to a multiple of four numbers, which a unit reads
+//! at once. With three channels a row is 48 bytes.
 
 use cubecl::prelude::*;
 
@@ -16,6 +17,14 @@ use crate::rows::PROJECTED;
 
 /// Values before the blended channels.
 pub(super) const GEOMETRY: usize = 9;
+
+/// Numbers that are read at once.
+pub(super) type Quad = Vector<f32, Const<4>>;
+
+/// Quads of a row.
+pub(super) const fn quads(blended: usize) -> usize {
+    (GEOMETRY + blended).div_ceil(4)
+}
 
 /// Pixels of a tile.
 pub(super) const PIXELS: usize = TILE * TILE;
@@ -80,7 +89,12 @@ impl Plan {
 
     /// Values in an attribute row.
     pub fn stride(&self) -> usize {
-        GEOMETRY + self.blended()
+        4 * quads(self.blended())
+    }
+
+    /// Values of all attribute rows. There is one at least, because no API binds a part of a quad.
+    pub fn attributes(&self) -> usize {
+        self.count.max(1) * self.stride()
     }
 
     /// Rows in a batch that takes at most `floats` of shared memory.
@@ -89,7 +103,7 @@ impl Plan {
         (1 << fitting.ilog2()).min(64)
     }
 
-    /// Packs the attribute rows `[N, 9 + blended]`.
+    /// Packs the attribute rows.
     pub fn pack(
         &self,
         client: &Client,
@@ -97,7 +111,7 @@ impl Plan {
         opacities: &Buffer,
         features: &Buffer,
     ) -> Result<Buffer, CubeError> {
-        let attributes = Buffer::empty(client, "attributes of the rasterizer", self.count * self.stride())?;
+        let attributes = Buffer::empty(client, "attributes of the rasterizer", self.attributes())?;
         if self.count > 0 {
             // SAFETY: rows below `count`, which `Plan::new` found in every buffer.
             unsafe {
@@ -136,7 +150,8 @@ fn pack_kernel(
     }
     let channels = channels as usize;
     let row = read_row(projected, index);
-    let base = index * (channels + comptime!(GEOMETRY + depth as usize));
+    let used = channels + comptime!(GEOMETRY + depth as usize);
+    let base = index * used.div_ceil(4usize) * 4;
     attributes[base] = row.mean_x;
     attributes[base + 1] = row.mean_y;
     attributes[base + 2] = row.d1;
@@ -154,28 +169,37 @@ fn pack_kernel(
     if comptime!(depth) {
         attributes[base + GEOMETRY + channels] = row.depth;
     }
+    for column in used..used.div_ceil(4usize) * 4 {
+        attributes[base + column] = 0.0f32;
+    }
 }
 
 /// All units of the cube copy `count` attribute rows, of the Gaussians `ids[first..]`, to `staged`.
 #[cube]
 pub(super) fn stage(
-    attributes: &[f32],
+    attributes: &[Quad],
     ids: &[u32],
     first: u32,
     count: u32,
-    staged: &mut Shared<[f32]>,
-    #[comptime] stride: usize,
+    staged: &mut Shared<[Quad]>,
+    #[comptime] quads: usize,
     #[comptime] units: u32,
 ) {
-    let values = count * comptime!(stride as u32);
+    let values = count * comptime!(quads as u32);
     let mut k = UNIT_POS;
     while k < values {
-        let gaussian = k / comptime!(stride as u32);
-        let column = k - gaussian * comptime!(stride as u32);
+        let gaussian = k / comptime!(quads as u32);
+        let column = k - gaussian * comptime!(quads as u32);
         let id = ids[(first + gaussian) as usize] as usize;
-        staged[k as usize] = attributes[id * stride + column as usize];
+        staged[k as usize] = attributes[id * quads + column as usize];
         k += units;
     }
+}
+
+/// Channel `c` of the staged row whose first quad is `row`.
+#[cube]
+pub(super) fn channel(staged: &Shared<[Quad]>, row: usize, c: usize) -> f32 {
+    staged[row + (GEOMETRY + c) / 4].extract_dynamic((GEOMETRY + c) % 4)
 }
 
 /// The image's tile of list `tile` of `tiles`; for `placed` lists it is stored behind their offsets.

@@ -16,7 +16,7 @@
 
 use cubecl::prelude::*;
 
-use super::attributes::{GEOMETRY, PIXELS, Plan, output_pixel, place_of, stage};
+use super::attributes::{PIXELS, Plan, Quad, channel, output_pixel, place_of, quads, stage};
 use super::blocks::{self, blocks_reached};
 use super::forward::{Inputs, Saved, UNROLLED};
 use super::gather::{MOMENTS, PAIR_BYTES, RasterizeGradients, finish, tile_ranges};
@@ -34,14 +34,20 @@ const OWN: usize = PIXELS / UNITS;
 const ROWS: usize = UNITS / TILE;
 /// The blocks below each other, as bits of a mask: a warp of units looks at those of its half of the tile.
 const COLUMN_OF_BLOCKS: u32 = 0b0101_0101;
-/// Shared memory for a batch, in floats; with the slots (12.2 KiB) it stays under 16 KiB.
-const STAGE: usize = 896;
+/// Shared memory for a batch, in floats.
+const STAGE: usize = 448;
+/// Most rows of a batch, by [`Plan::batch`]: of one channel.
+const ROWS_STAGED: usize = 1 << (STAGE / (4 * quads(1))).ilog2();
+/// Bytes of shared memory of a cube. A card with 100 KB for a multiprocessor holds eleven such cubes, 22 warps; of twice
+/// the size it holds six, whose 12 warps do not hide the barriers and chains of additions.
+const SHARED_BYTES: usize = 8 << 10;
+const _: () = assert!(4 * (STAGE + SLOTS * SLOT + ROWS_STAGED + 1) <= SHARED_BYTES);
 
 /// One cube per tile: writes a row of moments for every pair of the tile, and the tile's part of the background's
 /// gradient.
 #[cube(launch_unchecked)]
 fn rasterize_backward_kernel(
-    attributes: &[f32],
+    attributes: &[Quad],
     saved: &[u32],
     tile_offsets: &[u32],
     gaussian_ids: &[u32],
@@ -65,7 +71,7 @@ fn rasterize_backward_kernel(
         terminate!();
     }
     let blended = comptime!(channels + depth as usize);
-    let stride = comptime!(GEOMETRY + channels + depth as usize);
+    let quads = comptime!(quads(channels + depth as usize));
     let row_len = comptime!(MOMENTS + channels + depth as usize);
     let row_len_u32 = comptime!(row_len as u32);
     let unroll = comptime!(channels <= UNROLLED);
@@ -87,7 +93,7 @@ fn rasterize_backward_kernel(
     let pixel_x = f32::cast_from(x) + 0.5f32;
     let pixel_y = f32::cast_from(y) + 0.5f32;
 
-    let mut staged = Shared::<[f32]>::new_slice(comptime!(batch as usize * stride));
+    let mut staged = Shared::<[Quad]>::new_slice(comptime!(batch as usize * quads));
     let mut slots = Shared::<[f32]>::new_slice(comptime!(SLOTS * SLOT));
     let mut masks = Shared::<[u32]>::new_slice(comptime!(batch as usize));
     let last_drawn = Shared::<[Atomic<u32>]>::new_slice(1usize);
@@ -96,7 +102,7 @@ fn rasterize_backward_kernel(
     // Rows are written from the first tile of the launch on.
     let base = tile_offsets[first_tile as usize];
     if UNIT_POS == 0 {
-        last_drawn[0].store(begin);
+        last_drawn[0].store(0u32);
     }
     sync_cube();
 
@@ -135,7 +141,7 @@ fn rasterize_backward_kernel(
         }
         behind[j] = t[j] * light;
     }
-    last_drawn[0].fetch_max(own_last);
+    last_drawn[0].fetch_max(own_last - begin);
 
     // The background's gradient is the sum of T v.
     #[unroll]
@@ -156,24 +162,26 @@ fn rasterize_backward_kernel(
 
     // Gaussians behind the last that a pixel blended have a row of zeros.
     let drawn = workgroup_uniform_load_atomic(&last_drawn[0]);
-    let mut at = (drawn - base) as usize * row_len + unit;
+    let mut at = (begin - base + drawn) as usize * row_len + unit;
     while at < (end - base) as usize * row_len {
         pairs[at] = 0.0f32;
         at += UNITS;
     }
     let mut sums = Array::<f32>::new(row_len);
-    let batches = (drawn - begin).div_ceil(batch);
+    // Counted from the list's begin, which is read from a buffer: no barrier below depends on it.
+    let batches = drawn.div_ceil(batch);
     for b in 0..batches {
-        let first = begin + (batches - 1u32 - b) * batch;
-        let rest = drawn - first;
+        let before = (batches - 1u32 - b) * batch;
+        let first = begin + before;
+        let rest = drawn - before;
         let count = select(rest < batch, rest, batch.runtime());
         sync_cube();
-        stage(attributes, gaussian_ids, first, count, &mut staged, stride, comptime!(UNITS as u32));
+        stage(attributes, gaussian_ids, first, count, &mut staged, quads, comptime!(UNITS as u32));
         sync_cube();
         // One unit tests a Gaussian against all blocks.
         let mut k = UNIT_POS;
         while k < count {
-            masks[k as usize] = blocks_reached(&staged, k as usize * stride, left, top);
+            masks[k as usize] = blocks_reached(&staged, k as usize * quads, left, top);
             k += comptime!(UNITS as u32);
         }
         sync_cube();
@@ -184,25 +192,24 @@ fn rasterize_backward_kernel(
             let bottom = select(top > group, top - group, 0u32);
             for step in 0..top - bottom {
                 let k = top - 1u32 - step;
-                let row = k as usize * stride;
+                let row = k as usize * quads;
                 #[unroll(unroll)]
                 for value in 0..row_len {
                     sums[value] = 0.0f32;
                 }
                 let reached = masks[k as usize] >> half;
                 if reached & COLUMN_OF_BLOCKS != 0u32 {
-                    let dx = pixel_x - staged[row];
-                    let d1 = staged[row + 2];
-                    let l = staged[row + 3];
-                    let d2 = staged[row + 4];
+                    let (one, two) = (staged[row], staged[row + 1]);
+                    let dx = pixel_x - one.extract(0usize);
+                    let (d1, l, d2) = (one.extract(2usize), one.extract(3usize), two.extract(0usize));
                     #[unroll]
                     for j in 0..OWN {
                         let block = comptime!(1u32 << (j as u32 * blocks::ACROSS));
                         if reached & block != 0u32 {
-                            let dy = pixel_y + comptime!((j * ROWS) as f32) - staged[row + 1];
+                            let dy = pixel_y + comptime!((j * ROWS) as f32) - one.extract(1usize);
                             let at = place(dx, dy, d1, l, d2);
-                            if at.twice_sigma <= staged[row + 6] && first + k < last[j] {
-                                let raw = raw_alpha(at.twice_sigma, staged[row + 5]);
+                            if at.twice_sigma <= two.extract(2usize) && first + k < last[j] {
+                                let raw = raw_alpha(at.twice_sigma, two.extract(1usize));
                                 if raw >= ALPHA_MIN {
                                     let alpha = capped(raw);
                                     let inverse = 1.0f32 / (1.0f32 - alpha);
@@ -214,7 +221,7 @@ fn rasterize_backward_kernel(
                                     #[unroll(unroll)]
                                     for c in 0..blended {
                                         let v_channel = v[j * comptime!(blended + 1) + c];
-                                        q += staged[row + GEOMETRY + c] * v_channel;
+                                        q += channel(&staged, row, c) * v_channel;
                                         sums[MOMENTS + c] += weight * v_channel;
                                     }
                                     let v_alpha = before * q - behind[j] * inverse;
@@ -305,7 +312,7 @@ pub fn backward_within(
     let plan = Plan::new(config, projected, opacities, features, background, lists);
     let pixels = plan.pixels();
     assert_eq!(v_output.len(), pixels * config.output_channels(), "v_output must have the shape of the output");
-    assert_eq!(saved.attributes.len(), plan.count * plan.stride(), "the saved rows must be those of the inputs");
+    assert_eq!(saved.attributes.len(), plan.attributes(), "the saved rows must be those of the inputs");
     assert_eq!(saved.pixels.len(), 2 * pixels + plan.channels, "the saved pixels must be those of the output");
     let row_len = MOMENTS + plan.blended();
     let parts = if of_background { plan.tiles * plan.channels } else { 0 };

@@ -6,6 +6,7 @@
 
 use cubecl::prelude::*;
 
+use super::attributes::Quad;
 use crate::cube::intersect::{CutOff, touches};
 
 /// Pixels of a block along x.
@@ -19,18 +20,19 @@ pub(super) const ACROSS: u32 = 2;
 /// Blocks of a tile.
 pub(super) const BLOCKS: u32 = 8;
 
-/// Whether the staged Gaussian whose row begins at `row` reaches the block whose first pixel's centre is (`x`, `y`).
+/// Whether the staged Gaussian whose row begins at quad `row` reaches the block whose first pixel's centre is (`x`, `y`).
 #[cube]
-pub(super) fn reaches(staged: &Shared<[f32]>, row: usize, x: f32, y: f32) -> bool {
-    let cut = CutOff { k: staged[row + 6], reach_y: staged[row + 7], turn: staged[row + 8] };
-    let (left, top) = (x - staged[row], y - staged[row + 1]);
-    let (d1, l, d2) = (staged[row + 2], staged[row + 3], staged[row + 4]);
+pub(super) fn reaches(staged: &Shared<[Quad]>, row: usize, x: f32, y: f32) -> bool {
+    let (place, cut, rest) = (staged[row], staged[row + 1], staged[row + 2]);
+    let (left, top) = (x - place.extract(0usize), y - place.extract(1usize));
+    let (d1, l, d2) = (place.extract(2usize), place.extract(3usize), cut.extract(0usize));
+    let cut = CutOff { k: cut.extract(2usize), reach_y: cut.extract(3usize), turn: rest.extract(0usize) };
     touches(d1, l, d2, cut, left, top, comptime!((WIDE - 1) as f32), comptime!((HIGH - 1) as f32))
 }
 
 /// The blocks that the staged Gaussian reaches, a bit each, of the tile whose first pixel is (`left`, `top`).
 #[cube]
-pub(super) fn blocks_reached(staged: &Shared<[f32]>, row: usize, left: u32, top: u32) -> u32 {
+pub(super) fn blocks_reached(staged: &Shared<[Quad]>, row: usize, left: u32, top: u32) -> u32 {
     let mut reached = 0u32;
     #[unroll]
     for of in 0..BLOCKS {

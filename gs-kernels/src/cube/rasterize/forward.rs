@@ -2,7 +2,7 @@
 
 use cubecl::prelude::*;
 
-use super::attributes::{GEOMETRY, PIXELS, Plan, output_pixel, place_of, stage};
+use super::attributes::{PIXELS, Plan, Quad, channel, output_pixel, place_of, quads, stage};
 use super::blocks::{self, reaches};
 use crate::config::RasterizeConfig;
 use crate::constants::TILE;
@@ -11,6 +11,7 @@ use crate::cube::buffer::{Buffer, grid};
 use crate::cube::error::CubeError;
 use crate::cube::intersect::Intersections;
 use crate::cube::math::finite;
+use crate::cube::uniform::of_first_unit;
 
 /// Shared memory for a batch, in floats (8 KiB).
 const STAGE: usize = 2048;
@@ -22,7 +23,7 @@ pub(super) const UNROLLED: usize = 40;
 /// all its pixels have. `saved` is [`Saved::pixels`].
 #[cube(launch_unchecked)]
 fn rasterize_forward_kernel(
-    attributes: &[f32],
+    attributes: &[Quad],
     background: &[f32],
     tile_offsets: &[u32],
     gaussian_ids: &[u32],
@@ -43,7 +44,7 @@ fn rasterize_forward_kernel(
         terminate!();
     }
     let blended = comptime!(channels + depth as usize);
-    let stride = comptime!(GEOMETRY + channels + depth as usize);
+    let quads = comptime!(quads(channels + depth as usize));
     let unroll = comptime!(channels <= UNROLLED);
     // Words of 32 Gaussians in a block's mask.
     let words = comptime!(batch.div_ceil(32));
@@ -60,13 +61,17 @@ fn rasterize_forward_kernel(
     let pixel_y = f32::cast_from(y) + 0.5f32;
     let inside = x < width && y < height;
 
-    let mut staged = Shared::<[f32]>::new_slice(comptime!(batch as usize * stride));
+    let mut staged = Shared::<[Quad]>::new_slice(comptime!(batch as usize * quads));
     let masks = Shared::<[Atomic<u32>]>::new_slice(comptime!((blocks::BLOCKS * words) as usize));
     let ended_pixels = Shared::<[Atomic<u32>]>::new_slice(1usize);
+    let mut slot = Shared::<[u32]>::new_slice(1usize);
+    let begin = tile_offsets[CUBE_POS];
+    let end = tile_offsets[CUBE_POS + 1];
     if UNIT_POS == 0 {
         ended_pixels[0].store(0u32);
     }
-    sync_cube();
+    // The barrier inside is also that of the store.
+    let batches = of_first_unit((end - begin).div_ceil(batch), &mut slot);
     if !inside {
         ended_pixels[0].fetch_add(1u32);
     }
@@ -78,10 +83,7 @@ fn rasterize_forward_kernel(
     }
     let mut t = 1.0f32;
     let mut ended = !inside;
-    let begin = tile_offsets[CUBE_POS];
-    let end = tile_offsets[CUBE_POS + 1];
     let mut last = begin;
-    let batches = (end - begin).div_ceil(batch);
     for b in 0..batches {
         // The barrier inside also keeps the last batch until every unit has finished with it.
         if workgroup_uniform_load_atomic(&ended_pixels[0]) == comptime!(PIXELS as u32) {
@@ -93,7 +95,7 @@ fn rasterize_forward_kernel(
         if UNIT_POS < comptime!(blocks::BLOCKS * words) {
             masks[UNIT_POS as usize].store(0u32);
         }
-        stage(attributes, gaussian_ids, first, count, &mut staged, stride, comptime!(PIXELS as u32));
+        stage(attributes, gaussian_ids, first, count, &mut staged, quads, comptime!(PIXELS as u32));
         sync_cube();
         let mut test = UNIT_POS;
         while test < count * blocks::BLOCKS {
@@ -101,7 +103,7 @@ fn rasterize_forward_kernel(
             let of = test % blocks::BLOCKS;
             let block_x = f32::cast_from(left + of % blocks::ACROSS * blocks::WIDE) + 0.5f32;
             let block_y = f32::cast_from(top + of / blocks::ACROSS * blocks::HIGH) + 0.5f32;
-            if reaches(&staged, k as usize * stride, block_x, block_y) {
+            if reaches(&staged, k as usize * quads, block_x, block_y) {
                 masks[(of * words + k / 32u32) as usize].fetch_or(1u32 << (k % 32u32));
             }
             test += comptime!(PIXELS as u32);
@@ -109,16 +111,19 @@ fn rasterize_forward_kernel(
         sync_cube();
         if !ended {
             for word in 0..words {
-                let mut bits = masks[(block * words + word) as usize].load();
+                // No `break` behind the words: where there is one word CubeCL drops this loop, and the unit would leave the
+                // loop around, whose barriers are for all.
+                let mut bits = select(ended, 0u32, masks[(block * words + word) as usize].load());
                 while bits != 0u32 {
                     let k = word * 32u32 + bits.trailing_zeros();
                     bits &= bits - 1u32;
-                    let row = k as usize * stride;
-                    let dx = pixel_x - staged[row];
-                    let dy = pixel_y - staged[row + 1];
-                    let at = place(dx, dy, staged[row + 2], staged[row + 3], staged[row + 4]);
-                    if at.twice_sigma <= staged[row + 6] {
-                        let raw = raw_alpha(at.twice_sigma, staged[row + 5]);
+                    let row = k as usize * quads;
+                    let (one, two) = (staged[row], staged[row + 1]);
+                    let dx = pixel_x - one.extract(0usize);
+                    let dy = pixel_y - one.extract(1usize);
+                    let at = place(dx, dy, one.extract(2usize), one.extract(3usize), two.extract(0usize));
+                    if at.twice_sigma <= two.extract(2usize) {
+                        let raw = raw_alpha(at.twice_sigma, two.extract(1usize));
                         if raw >= ALPHA_MIN {
                             let alpha = capped(raw);
                             let next = t * (1.0f32 - alpha);
@@ -129,16 +134,13 @@ fn rasterize_forward_kernel(
                                 let weight = alpha * t;
                                 #[unroll(unroll)]
                                 for c in 0..blended {
-                                    sums[c] += weight * staged[row + GEOMETRY + c];
+                                    sums[c] += weight * channel(&staged, row, c);
                                 }
                                 t = next;
                                 last = first + k + 1u32;
                             }
                         }
                     }
-                }
-                if ended {
-                    break;
                 }
             }
             if ended {
@@ -200,7 +202,7 @@ pub struct Inputs<'a> {
 /// The results of the forward pass that the backward one reads.
 #[derive(Clone, Debug)]
 pub struct Saved {
-    /// The packed rows, `[N, 9 + blended]`.
+    /// The packed rows.
     pub attributes: Buffer,
     /// Bits of each pixel's final transmittance `[pixels]`, one past the place of its last Gaussian in the lists
     /// `[pixels]`, and bits of the background `[C]`, zero where it is not finite. Bits, because a shader may flush a

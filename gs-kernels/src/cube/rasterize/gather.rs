@@ -32,8 +32,8 @@ pub struct RasterizeGradients {
     pub screen: Buffer,
 }
 
-/// Most bytes of pair rows held at once; a scene with more is processed in ranges of tiles. At three channels this is
-/// twelve million pairs.
+/// Most bytes of pair rows held at once where nothing is known of the device; a scene with more is processed in ranges
+/// of tiles. At three channels this is twelve million pairs.
 pub const PAIR_BYTES: usize = 512 << 20;
 
 /// One unit per Gaussian: from moments to gradients; all zero if one is not finite. All outputs are parts of one

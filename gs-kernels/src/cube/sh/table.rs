@@ -27,8 +27,8 @@ fn place(index: usize, #[comptime] columns: usize) -> usize {
     index / columns * comptime!(stride(columns)) + index % columns
 }
 
-/// Each unit of a cube reads the first `used` of the `columns` values of its row; a row from `count` on leaves `row` as
-/// it is. The whole cube takes part.
+/// Each unit of a cube reads the first `used` of the `columns` values of its row. A row from `count` on gets numbers of
+/// no meaning: the shared memory is not written for it. The whole cube takes part.
 #[cube]
 pub(super) fn read_rows(
     table: &[f32],

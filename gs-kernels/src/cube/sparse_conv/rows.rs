@@ -9,6 +9,7 @@ use super::{ROWS, Table, check};
 use crate::cpu::sparse_conv::Channels;
 use crate::cube::buffer::{Buffer, UNITS, cube_dim, grid};
 use crate::cube::error::CubeError;
+use crate::cube::uniform::of_first_unit;
 
 /// Output columns of a tile.
 const COLUMNS: usize = 32;
@@ -49,6 +50,7 @@ fn rows_kernel(
     let across = unit % ACROSS;
     let down = unit / ACROSS * OWN;
 
+    let mut slot = Shared::<[u32]>::new_slice(1usize);
     let mut sources = Shared::<[u32]>::new_slice(ROWS);
     let mut rows = Shared::<[f32]>::new_slice(comptime!(ROWS * DEPTH));
     let mut matrix = Shared::<[f32]>::new_slice(comptime!(DEPTH * COLUMNS));
@@ -60,9 +62,13 @@ fn rows_kernel(
         right[r] = 0.0f32;
     }
 
-    for k in 0..offsets {
-        let mask = table[masks + (k / 32u32) as usize];
-        if (mask >> (k % 32u32)) & 1u32 == 1u32 {
+    for word in 0..words {
+        // All units have the previous word.
+        sync_cube();
+        let mut bits = of_first_unit(table[masks + word as usize], &mut slot);
+        while bits != 0u32 {
+            let k = word * 32u32 + bits.trailing_zeros();
+            bits &= bits - 1u32;
             if unit < ROWS {
                 let row = first_row + UNIT_POS;
                 let mut source = 0xffff_ffffu32;

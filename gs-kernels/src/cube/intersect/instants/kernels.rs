@@ -7,6 +7,7 @@ use cubecl::prelude::*;
 
 use crate::cube::buffer::UNITS;
 use crate::cube::scan::{SUMS, saturating_sum, sums_over_units};
+use crate::cube::uniform::of_first_unit;
 
 const UNITS_U32: u32 = UNITS as u32;
 
@@ -97,9 +98,10 @@ pub(super) fn class_count_kernel(
         terminate!();
     }
     let mut staged = Shared::<[u32]>::new_slice(UNITS);
+    let mut slot = Shared::<[u32]>::new_slice(1usize);
     let begin = tile_offsets[CUBE_POS];
     let end = tile_offsets[CUBE_POS + 1];
-    let batches = (end - begin).div_ceil(UNITS_U32);
+    let batches = of_first_unit((end - begin).div_ceil(UNITS_U32), &mut slot);
     for block in 0..classes.div_ceil(UNITS_U32) {
         let class = block * UNITS_U32 + UNIT_POS;
         let mut total = 0u32;
@@ -377,6 +379,7 @@ pub(super) fn fill_kernel(
         terminate!();
     }
     let mut sums = Shared::<[u32]>::new_slice(comptime!(2 * UNITS));
+    let mut slot = Shared::<[u32]>::new_slice(1usize);
     let mut position = tile_offsets[CUBE_POS];
     let list_end = tile_offsets[CUBE_POS + 1];
     let tile = drawn[CUBE_POS] as usize;
@@ -389,7 +392,8 @@ pub(super) fn fill_kernel(
     }
     let begin = base_tile_offsets[tile];
     let end = select(list_end > position, base_tile_offsets[tile + 1], begin);
-    for batch in 0..(end - begin).div_ceil(UNITS_U32) {
+    let batches = of_first_unit((end - begin).div_ceil(UNITS_U32), &mut slot);
+    for batch in 0..batches {
         let entry = begin + batch * UNITS_U32 + UNIT_POS;
         let mut kept = 0u32;
         let mut stands = false;
