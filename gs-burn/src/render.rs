@@ -30,6 +30,9 @@ pub struct RenderOptions {
     pub antialiased: bool,
     /// Also accumulate depth. Default off.
     pub depth: bool,
+    /// Rows of the whole image above and below the camera's, where the camera has some rows of it alone. The projection
+    /// is linear about a point at most a little outside of the whole image. Default none.
+    pub beyond: [usize; 2],
 }
 
 impl Default for RenderOptions {
@@ -42,6 +45,7 @@ impl Default for RenderOptions {
             eps2d: EPS2D,
             antialiased: false,
             depth: false,
+            beyond: [0; 2],
         }
     }
 }
@@ -163,5 +167,6 @@ pub(crate) fn projection_config(camera: &Camera, options: &RenderOptions) -> Pro
         far: options.far,
         eps2d: options.eps2d,
         antialiased: options.antialiased,
+        beyond: options.beyond.map(|rows| rows as u32),
     }
 }

@@ -25,6 +25,8 @@ pub struct ProjectionConfig {
     pub eps2d: f64,
     /// Whether the opacity compensation of Mip-Splatting (Yu et al. 2024, Eq. 9) is computed; otherwise it is 1.
     pub antialiased: bool,
+    /// Rows of the whole image above and below these, where they are a part of one.
+    pub beyond: [u32; 2],
 }
 
 impl Default for ProjectionConfig {
@@ -40,21 +42,25 @@ impl Default for ProjectionConfig {
             far: FAR,
             eps2d: EPS2D,
             antialiased: false,
+            beyond: [0; 2],
         }
     }
 }
 
 impl ProjectionConfig {
-    /// Bounds of `x / z` and `y / z` at which the Jacobian is evaluated: `[x_min, x_max, y_min, y_max]`.
+    /// Bounds of `x / z` and `y / z` at which the Jacobian is evaluated: `[x_min, x_max, y_min, y_max]`, of the whole
+    /// image.
     pub fn frustum_limits(&self) -> [f64; 4] {
-        let (w, h) = (f64::from(self.width), f64::from(self.height));
+        let [above, below] = self.beyond.map(f64::from);
+        let (w, h) = (f64::from(self.width), above + f64::from(self.height) + below);
+        let cy = self.cy + above;
         let margin_x = crate::constants::FRUSTUM_MARGIN * 0.5 * w / self.fx;
         let margin_y = crate::constants::FRUSTUM_MARGIN * 0.5 * h / self.fy;
         [
             -(self.cx / self.fx + margin_x),
             (w - self.cx) / self.fx + margin_x,
-            -(self.cy / self.fy + margin_y),
-            (h - self.cy) / self.fy + margin_y,
+            -(cy / self.fy + margin_y),
+            (h - cy) / self.fy + margin_y,
         ]
     }
 }

@@ -54,7 +54,18 @@ impl Path {
 
     /// Length of the way of the image's middle, pixels.
     pub fn length(&self) -> f64 {
-        let at = |i: usize| self.at(2.0 * i as f64 / PARTS as f64 - 1.0, [0.0; 2]);
+        self.length_at([0.0; 2])
+    }
+
+    /// The longest way of the middle and the four corners of an image, pixels; a turn about the axis and a way along it
+    /// leave the middle where it is. One corner is seen in the direction `[x, y, 1]`.
+    pub fn longest(&self, [x, y]: [f64; 2]) -> f64 {
+        let places = [[0.0; 2], [x, y], [-x, y], [x, -y], [-x, -y]];
+        places.into_iter().map(|place| self.length_at(place)).fold(0.0, f64::max)
+    }
+
+    fn length_at(&self, place: [f64; 2]) -> f64 {
+        let at = |i: usize| self.at(2.0 * i as f64 / PARTS as f64 - 1.0, place);
         let places: Vec<[f64; 2]> = (0..=PARTS).map(at).collect();
         places.windows(2).map(|pair| (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1])).sum()
     }
@@ -79,15 +90,14 @@ pub struct Part {
 /// `count` equal parts of a frame of `height` rows, of which each is exposed for a share `e` of it: the row at `y` from
 /// -1 to 1 from `(1 - e) y - e` to `(1 - e) y + e`. `None` for a part in which no row is.
 pub fn parts(count: usize, height: usize, e: f64) -> Vec<Option<Part>> {
-    let width = 2.0 / count as f64;
     let part = |k: usize| {
-        let [begin, end] = [k, k + 1].map(|k| k as f64 * width - 1.0);
+        let [begin, end] = [k, k + 1].map(|k| (2 * k) as f64 / count as f64 - 1.0);
         let of_row = |row: usize| {
             let y = (2 * row + 1) as f64 / height as f64 - 1.0;
             let [opens, closes] = [(1.0 - e) * y - e, (1.0 - e) * y + e];
             let overlap = (end.min(closes) - begin.max(opens)).max(0.0);
-            let of_closing = if closes < end { 1.0 - y } else { 0.0 };
-            let of_opening = if opens > begin { 1.0 + y } else { 0.0 };
+            let of_closing = if closes <= end { 1.0 - y } else { 0.0 };
+            let of_opening = if opens >= begin { 1.0 + y } else { 0.0 };
             (overlap / (2.0 * e), ((of_closing + of_opening) * e - overlap) / (2.0 * e * e))
         };
         let rows: Vec<(f64, f64)> = (0..height).map(of_row).collect();

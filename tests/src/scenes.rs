@@ -173,7 +173,7 @@ impl Scene {
     pub fn options(&self, depth: bool) -> RenderOptions {
         let ProjectionConfig { near, far, eps2d, antialiased, .. } = self.config;
         let background = std::array::from_fn(|c| self.background[c] as f32);
-        RenderOptions { sh_degree: 3, background, near, far, eps2d, antialiased, depth }
+        RenderOptions { sh_degree: 3, background, near, far, eps2d, antialiased, depth, beyond: [0; 2] }
     }
 
     /// Projected rows `[N, 8]` of the reference in `f64`.

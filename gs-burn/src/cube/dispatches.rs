@@ -30,7 +30,7 @@ pub(super) fn pair_bytes(device: &CubeDevice, client: &Client) -> usize {
 fn bytes_of(class: AdapterClass, memory: Option<u64>) -> usize {
     let of_card = |memory: u64| usize::try_from(memory / SHARE_OF_MEMORY).unwrap_or(usize::MAX);
     match class {
-        AdapterClass::Discrete => memory.map_or(PAIR_BYTES, of_card),
+        AdapterClass::Discrete => memory.map_or(PAIR_BYTES, of_card).max(PAIR_BYTES_OF_SMALL),
         _ => PAIR_BYTES_OF_SMALL,
     }
 }

@@ -214,8 +214,8 @@ impl Paths {
                 true => (means.clone(), quats.clone()),
                 false => (replaced(&means, &centres, k), replaced(&quats, &turned, k)),
             };
-            let [scales, opacities] = [gaussians.log_scales.val(), gaussians.opacity_logits.val().unsqueeze_dim(1)];
-            Gaussians::from_tensors(means, quats, scales, opacities.squeeze_dim(1), gaussians.sh.val())
+            let (scales, opacities) = (gaussians.log_scales.val(), gaussians.opacity_logits.val());
+            Gaussians::from_tensors(means, quats, scales, opacities, gaussians.sh.val())
         };
         (0..instants.len()).map(scene).collect()
     }

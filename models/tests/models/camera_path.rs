@@ -142,3 +142,16 @@ fn shares_of_rows_have_right_derivatives() {
         }
     }
 }
+
+/// A share more of the frame makes no row brighter, at the end of the range too, where the first and last part begin and
+/// end with the frame.
+#[test]
+fn slopes_of_a_row_cancel() {
+    for share in [0.02, 0.3, 0.5, 1.0] {
+        let found = parts(6, ROWS, share);
+        for row in 0..ROWS {
+            let sum: f64 = of_row(&found, row).iter().map(|(_, slope)| slope).sum();
+            assert!(sum.abs() < 1e-9, "row {row} at {share}: {sum}");
+        }
+    }
+}

@@ -1,6 +1,5 @@
 //! Every shader in the languages of all targets.
 
-use std::collections::BTreeSet;
 use std::io::Write;
 use std::process::Command;
 
@@ -78,18 +77,6 @@ fn naga_writes_every_language() {
     }
 }
 
-/// Kernels that Tint refuses: a barrier stands in a loop whose bound was read from a buffer that may be written.
-const REFUSED_BY_TINT: &[&str] = &[
-    "gs_kernels::cube::intersect::instants::kernels::class_count_kernel",
-    "gs_kernels::cube::intersect::instants::kernels::fill_kernel",
-    "gs_kernels::cube::rasterize::backward::rasterize_backward_kernel",
-    "gs_kernels::cube::rasterize::forward::rasterize_forward_kernel",
-    "gs_kernels::cube::sparse_conv::rows::rows_kernel",
-];
-
-/// Kernels that Tint refuses although their bindings say that such a buffer is not written.
-const REFUSED_AS_READ: &[&str] = &[];
-
 /// The text with `read` for the buffers that the kernel only reads, as CubeCL writes it for a browser.
 fn as_read(shader: &Shader) -> String {
     let mut text = shader.wgsl.clone();
@@ -109,26 +96,17 @@ fn refused(wgsl: &str) -> Option<String> {
     (!output.status.success()).then(|| String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// Every function that Tint refuses is in `known`, and every one in `known` is refused.
-fn check(what: &str, known: &[&str], text: impl Fn(&Shader) -> String) {
-    let mut found = BTreeSet::new();
-    for shader in &record().shaders {
-        let own = shader.function();
-        if let Some(error) = refused(&text(shader)) {
-            assert!(known.contains(&own), "{what}: {}: {error}", shader.name);
-            found.insert(own);
-        }
-    }
-    let mended: Vec<_> = known.iter().filter(|name| !found.contains(*name)).collect();
-    assert!(mended.is_empty(), "{what}: Tint takes these now, so they leave the list: {mended:?}");
-}
-
 #[test]
 fn tint_takes_every_shader() {
     if Command::new("tint").arg("--help").output().is_err() {
         println!("without `tint` on the path nothing is checked");
         return;
     }
-    check("as written", REFUSED_BY_TINT, |shader| shader.wgsl.clone());
-    check("with `read`", REFUSED_AS_READ, as_read);
+    for shader in &record().shaders {
+        for (what, text) in [("as written", shader.wgsl.clone()), ("with `read`", as_read(shader))] {
+            if let Some(error) = refused(&text) {
+                panic!("{} {what}: {error}", shader.name);
+            }
+        }
+    }
 }

@@ -4,6 +4,7 @@ use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 use gs_burn::{Extras, Gaussians, RenderOptions, Rendering, render_with};
 use gs_datasets::{LoadOptions, PriorUse, Scene, View, surveyed};
+use gs_models::light::Mixing;
 
 use gs_train::config::{FitConfig, NOT_NEGATIVE, Section};
 use gs_train::fit::coarse::dilation;
@@ -71,9 +72,10 @@ impl Method for Still {
         let options = RenderOptions { eps2d, depth: photo.extra.is_known(), ..options };
         let extras = Extras { screen: screens.first().cloned(), features: None, room: at.pair_room() };
         let instants = photo.instants(1);
-        let rendered = |instant: &Instant| render_with(gaussians, &instant.camera, &options, extras.clone());
+        let rendered =
+            |instant: &Instant| render_with(gaussians, &instant.camera, &instant.options(&options), extras.clone());
         let renderings: Vec<Rendering> = instants.iter().map(rendered).collect();
-        let image = photo.taken(formed(&instants, &renderings, photo.camera.height));
+        let image = photo.taken(formed(&instants, &renderings, Mixing::Linear));
         let loss = photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
         let middle = instants.len() / 2;
         let centre = || match instants[middle].is_whole() {
@@ -82,9 +84,11 @@ impl Method for Still {
         };
         let misfit = options.depth.then(|| photo.extra.misfit(&centre(), photo.mask.as_ref())).flatten();
         let of_depth = misfit.map(|misfit| misfit * at.config.method.depth.weight);
+        let loss = of_depth.map_or(loss.clone(), |term| loss + term);
         Forward {
-            // A mean over the pixels that count: beside one over all, the regularisers would be stronger.
-            loss: of_depth.map_or(loss.clone(), |term| loss + term) / photo.share,
+            // A mean over the pixels that count: beside one over all, the regularisers would be stronger. Where all
+            // count, a GPU gets no launch for it.
+            loss: if photo.share == 1.0 { loss } else { loss / photo.share },
             drawn: vec![Drawn::of_all(&renderings, screens.first())],
             images: vec![image],
             notes: Vec::new(),

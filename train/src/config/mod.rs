@@ -31,7 +31,7 @@ use toml::{Table, Value};
 
 use crate::section;
 
-pub use camera::CameraConfig;
+pub use camera::{CameraConfig, READOUT_MAX};
 pub use correction::{CorrectionConfig, CorrectionMode, CorrectionPer};
 pub use data::{Auto, Background, DataConfig, DepthChoice, HoldoutChoice, MaskChoice, PriorKind};
 pub use declare::{Declared, Key, check_key, word};

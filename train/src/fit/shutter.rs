@@ -9,9 +9,9 @@
 
 use burn::tensor::{Tensor, TensorData};
 use gs_base::Intrinsics;
-use gs_burn::{Camera, Rendering};
+use gs_burn::{Camera, RenderOptions, Rendering};
 use gs_models::camera_path::{Part, instants, moved, parts, twists};
-use gs_models::light::{to_encoded, to_linear};
+use gs_models::light::Mixing;
 
 use crate::config::CameraConfig;
 
@@ -43,7 +43,7 @@ pub struct ShutterPath {
     pub twists: Tensor<2>,
     /// Distance of the subject, scene units.
     pub distance: f64,
-    /// Length of the way of the image's middle, pixels; `None`: the camera stands still.
+    /// Length of the longest way of a place in the image, pixels; `None`: the camera stands still.
     pub length: Option<f64>,
     /// A row's share `e` of the frame, `[1]`, with its value; `None`: all rows at once.
     pub share: Option<(Tensor<1>, f64)>,
@@ -62,13 +62,20 @@ pub struct Instant {
 /// The rows of an instant.
 #[derive(Debug, Clone)]
 struct Rows {
-    /// The first one.
+    /// The first one, which is the number of rows above.
     first: usize,
+    /// Rows below the last one.
+    below: usize,
     /// Shares of the rows' exposures, `[h, 1, 1]`.
     shares: Tensor<3>,
 }
 
 impl ShutterPath {
+    /// Whether the camera stands still, with a shutter that all rows share.
+    pub fn is_still(&self) -> bool {
+        self.length.is_none() && self.share.is_none()
+    }
+
     /// The camera in the middle of the frame.
     pub fn middle(&self) -> Camera {
         moved(&self.camera, twists(self.twists.clone(), &[0.0]), self.distance).remove(0)
@@ -76,8 +83,11 @@ impl ShutterPath {
 
     /// At least `least` instants, as many as the path's length asks for.
     pub fn instants(&self, least: usize) -> Vec<Instant> {
-        let steps = |most| self.length.map_or(1, |length| ((length / APART) as usize + 1).clamp(INSTANTS[0], most));
-        let count = steps(self.share.as_ref().map_or(INSTANTS[1], |_| PARTS)).max(least);
+        // A row is exposed in the same number of parts as a photo has instants at most, if there is room for the others.
+        let of_row = |share: f64| ((INSTANTS[1] as f64 / share) as usize).min(PARTS);
+        let most = self.share.as_ref().map_or(INSTANTS[1], |(_, share)| of_row(*share));
+        let steps = |length: f64| ((length / APART) as usize + 1).clamp(INSTANTS[0], most);
+        let count = self.length.map_or(1, steps).max(least);
         let times = instants(count);
         let cameras = moved(&self.camera, twists(self.twists.clone(), &times), self.distance);
         let whole = times.into_iter().zip(cameras).map(|(at, camera)| Instant { at, camera, rows: None });
@@ -105,7 +115,7 @@ impl Instant {
 
     /// The same in some rows; `share` is the tensor of `value`.
     fn in_rows(self, part: &Part, share: &Tensor<1>, value: f64) -> Self {
-        let Camera { viewmat, intrinsics, width, .. } = self.camera;
+        let Camera { viewmat, intrinsics, width, height: whole } = self.camera;
         let height = part.shares.len();
         let column = |values: &[f64]| {
             let data = TensorData::new(values.to_vec(), [height, 1, 1]);
@@ -118,33 +128,95 @@ impl Instant {
         Self {
             at: self.at,
             camera: Camera { viewmat, intrinsics, width, height },
-            rows: Some(Rows { first: part.first, shares }),
+            rows: Some(Rows { first: part.first, below: whole - part.first - height, shares }),
         }
+    }
+
+    /// The options by which its camera renders.
+    pub fn options(&self, options: &RenderOptions) -> RenderOptions {
+        let beyond = self.rows.as_ref().map_or([0; 2], |rows| [rows.first, rows.below]);
+        RenderOptions { beyond, ..*options }
     }
 }
 
 impl Rows {
-    /// `image` of these rows, `[h, W, 3]`, with zeros in the other rows of an image of `height`.
-    fn pasted(&self, image: Tensor<3>, height: usize) -> Tensor<3> {
-        let [own, width, channels] = image.dims();
+    /// `image` of these rows, `[h, W, 3]`, with zeros in the other rows.
+    fn pasted(&self, image: Tensor<3>) -> Tensor<3> {
+        let [_, width, channels] = image.dims();
         let zeros =
             |rows: usize| (rows > 0).then(|| Tensor::zeros([rows, width, channels], (&image.device(), image.dtype())));
-        let [above, below] = [zeros(self.first), zeros(height - self.first - own)];
+        let [above, below] = [zeros(self.first), zeros(self.below)];
         Tensor::cat(above.into_iter().chain([image.clone()]).chain(below).collect(), 0)
     }
 }
 
-/// The image of a photo of `height` rows from the renderings of its instants, `[H, W, 3]`: mean light, encoded.
-pub fn formed(instants: &[Instant], renderings: &[Rendering], height: usize) -> Tensor<3> {
+/// The image of a photo from the renderings of its instants, `[H, W, 3]`: their mean by `mixing`.
+pub fn formed(instants: &[Instant], renderings: &[Rendering], mixing: Mixing) -> Tensor<3> {
     if let [rendering] = renderings {
         return rendering.color.clone();
     }
     let light = instants.iter().zip(renderings).map(|(instant, rendering)| {
-        let light = to_linear(rendering.color.clone());
+        let light = mixing.decode(rendering.color.clone());
         match &instant.rows {
             None => light / instants.len() as f64,
-            Some(rows) => rows.pasted(light * rows.shares.clone(), height),
+            Some(rows) => rows.pasted(light * rows.shares.clone()),
         }
     });
-    to_encoded(light.reduce(|sum, light| sum + light).expect("at least one instant"))
+    mixing.encode(light.reduce(|sum, light| sum + light).expect("at least one instant"))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat4, DVec3};
+    use gs_burn::{Gaussians, device, render};
+
+    use super::*;
+
+    const WIDTH: usize = 24;
+    const HEIGHT: usize = 20;
+
+    /// Gaussians as wide as several rows, all over the image and beyond it.
+    fn gaussians(device: &burn::tensor::Device) -> Gaussians {
+        const COUNT: usize = 40;
+        let wave = |columns: usize, step: f64, size: f64| -> Vec<f64> {
+            (0..COUNT * columns).map(|i| size * (step * i as f64).sin()).collect()
+        };
+        let of = |values: Vec<f64>, columns: usize| {
+            Tensor::<2>::from_data(TensorData::new(values, [COUNT, columns]), device)
+        };
+        let scales = wave(3, 0.7, 0.3).into_iter().map(|x| x - 1.6).collect();
+        let opacities = of(wave(1, 1.1, 2.0), 1).squeeze_dim(1);
+        let sh = of(wave(3, 2.3, 1.0), 3).reshape([COUNT, 1, 3]);
+        Gaussians::from_tensors(of(wave(3, 1.7, 0.9), 3), of(wave(4, 0.9, 1.0), 4), of(scales, 3), opacities, sh)
+    }
+
+    fn path(share: f64, device: &burn::tensor::Device) -> ShutterPath {
+        let intrinsics = Intrinsics { fx: 20.0, fy: 20.0, cx: 12.0, cy: 10.0 };
+        let c2w = DMat4::from_translation(DVec3::new(0.0, 0.0, -2.5));
+        ShutterPath {
+            camera: Camera::from_c2w(c2w, intrinsics, WIDTH, HEIGHT, device),
+            twists: Tensor::zeros([1, 12], device),
+            distance: 2.5,
+            length: Some(20.0),
+            share: Some((Tensor::from_floats([share as f32], device), share)),
+        }
+    }
+
+    /// Where nothing moves, the rows that are exposed one after another are those of one rendering: bands are projected
+    /// as the whole image is. Light is decoded and encoded in between: 1e-5.
+    #[test]
+    fn a_still_camera_forms_the_whole_rendering() {
+        let device = device::select("auto").expect("a device");
+        let (scene, options) = (gaussians(&device), RenderOptions::default());
+        for share in [0.1, 0.4, 1.0] {
+            let path = path(share, &device);
+            let instants = path.instants(1);
+            assert!(instants.len() > 4 && (share == 1.0 || instants.iter().any(|it| it.camera.height < HEIGHT)));
+            let rendered = |it: &Instant| render(&scene, &it.camera, &it.options(&options));
+            let renderings: Vec<Rendering> = instants.iter().map(rendered).collect();
+            let whole = render(&scene, &path.camera, &options).color;
+            let off: f32 = (formed(&instants, &renderings, Mixing::Linear) - whole).abs().max().into_scalar();
+            assert!(off < 1e-5, "{off} at {share}");
+        }
+    }
 }

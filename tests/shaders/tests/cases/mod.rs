@@ -12,7 +12,6 @@ use gs_kernels::cube::error::CubeError;
 
 use crate::scenes::Random;
 pub use numbers::long_scan;
-pub use splats::KNOWN_WRONG;
 
 /// A case: its name and its work.
 pub type Case = (&'static str, fn(&On) -> Result<Vec<Buffer>, CubeError>);

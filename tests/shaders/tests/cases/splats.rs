@@ -17,15 +17,9 @@ pub const CASES: &[Case] = &[
     ("intersect", intersected),
     ("rasterize", rasterized),
     ("rasterize many channels", of_many_channels),
+    ("rasterize most channels", of_most_channels),
     ("instants", instants),
 ];
-
-/// Cases that show a fault, which is known, and a part of its description.
-pub const KNOWN_WRONG: &[(Case, &str)] = &[(
-    // CubeCL drops a loop of one round with its `break`, which then leaves the loop around, and barriers wait in vain.
-    ("rasterize most channels", of_most_channels),
-    "rasterize_forward_kernel::RasterizeForwardKernel: Divergence",
-)];
 
 /// Gaussians: two cubes of rows, the second not full.
 const COUNT: usize = 300;

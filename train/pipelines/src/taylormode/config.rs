@@ -33,9 +33,11 @@ impl Section for Sections {
         let cap = shared.density.cap;
         check("density.cap", cap, cap <= ROWS_MAX, "at most 16777216 Gaussians of a moving scene")?;
         // Where the camera moves, all that is seen is blurred: depth and velocity at a pixel do not form it.
-        let (motion, blur) = (shared.camera.motion, &self.blur);
-        let forms = motion == 0 || (blur.mode == BlurMode::Integrate && !blur.decouple);
-        check("camera.motion", motion, forms, "0 without blur.mode = \"integrate\" and blur.decouple = false")?;
+        let (camera, blur) = (&shared.camera, &self.blur);
+        let forms = camera.motion == 0 || (blur.mode == BlurMode::Integrate && !blur.decouple);
+        check("camera.motion", camera.motion, forms, "0 without blur.mode = \"integrate\" and blur.decouple = false")?;
+        let poses = !camera.refine || blur.mode != BlurMode::Warp;
+        check("camera.refine", camera.refine, poses, "false with blur.mode = \"warp\"")?;
         of_moving_scenes(shared)
     }
 }

@@ -69,7 +69,9 @@ impl Taylormode {
         };
         let Formed { color, loss, drawn } = match at.config.method.blur.mode {
             BlurMode::None => step.unblurred(screen),
-            BlurMode::Integrate if photo.path.is_some() => step.along_the_path(screen),
+            BlurMode::Integrate if photo.path.as_ref().is_some_and(|path| !path.is_still()) => {
+                step.along_the_path(screen)
+            }
             BlurMode::Integrate => step.integrated(screen),
             BlurMode::Warp => step.warped(screen),
         };
@@ -118,7 +120,7 @@ impl Formation<'_> {
         let instants =
             exposure.instants(self.photo.time, &Samples::Middles.offsets(blur.samples_at(self.progress)), shutter);
         let rows = &self.model.motion.rows;
-        let formed = expose(&gaussians, &self.paths, rows, &instants, &self.photo.camera, &options, screen.clone());
+        let formed = expose(&gaussians, &self.paths, rows, &instants, &self.photo.middle(), &options, screen.clone());
         let image = self.photo.image.clone();
         let (mut intersections, tiles) = (vec![formed.intersections.clone()], vec![formed.tiles.clone()]);
         let mut loss = if decoupled {
@@ -157,10 +159,11 @@ impl Formation<'_> {
         let scenes = self.paths.scenes(self.gaussians, &exposure.instants(photo.time, &offsets, shutter));
         let extras = Extras { features: None, screen: screen.clone(), room: self.room.map(|room| room.pairs) };
         let rendered = |(scene, instant): (&Gaussians, &Instant)| {
-            render_with(scene, &instant.camera, &self.options, extras.clone())
+            render_with(scene, &instant.camera, &instant.options(&self.options), extras.clone())
         };
         let renderings: Vec<Rendering> = scenes.iter().zip(&cameras).map(rendered).collect();
-        let color = formed(&cameras, &renderings, photo.camera.height);
+        let mixing = if self.config.method.blur.linear { Mixing::Linear } else { Mixing::Encoded };
+        let color = formed(&cameras, &renderings, mixing);
         let mut drawn = Drawn::of_all(&renderings, screen.as_ref());
         let mut loss = self.photometric(color.clone(), photo.image.clone(), None);
         if self.priors_count() {
