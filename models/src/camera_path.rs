@@ -42,8 +42,8 @@ impl Path {
         Self { twists: row.as_chunks::<TWIST>().0.iter().map(|twist| twist.map(f64::from)).collect() }
     }
 
-    /// The displacement of the image at the subject's distance, pixels right and down, at `u` from -1 to 1, to the first
-    /// order; the place `[x, y]` is seen in the direction `[x, y, 1]`, camera axes.
+    /// The displacement of the image at the subject's distance, pixels right and down, at `u` from -1 to 1, to the
+    /// first order; the place `[x, y]` is seen in the direction `[x, y, 1]`, camera axes.
     pub fn at(&self, u: f64, [x, y]: [f64; 2]) -> [f64; 2] {
         let sum = |i: usize| self.twists.iter().zip(legendre(u)).map(|(twist, value)| value * twist[i]).sum::<f64>();
         let ([pitch, yaw, roll], [right, down, ahead]) = ([0, 1, 2].map(sum), [3, 4, 5].map(sum));

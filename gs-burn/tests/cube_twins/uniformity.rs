@@ -1,7 +1,7 @@
 //! Barriers as browsers judge them: all units of a cube must reach each, and a compiler must be able to see it.
 //!
-//! naga, through which wgpu compiles, does not ask for that. Tint, Chrome's compiler, refuses the shader, and so does an
-//! older one of DirectX 12. The shaders are those of a native build, in which every buffer may be written.
+//! naga, through which wgpu compiles, does not ask for that. Tint, Chrome's compiler, refuses the shader, and so does
+//! an older one of DirectX 12. The shaders are those of a native build, in which every buffer may be written.
 
 use std::path::Path;
 use std::process::{Command, Stdio};

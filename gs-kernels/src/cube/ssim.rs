@@ -211,7 +211,8 @@ pub struct SsimForward {
     /// `[2]`: mean absolute difference, mean structural similarity.
     pub means: Buffer,
     /// Derivatives of each pixel's SSIM with respect to `mu_x`, `E_xx` and `E_xy`, each `[H, W, C]`. Three buffers,
-    /// because one of all would be the largest of a training: 285 MiB for a photo of 3840 x 2160, where WebGPU binds 128.
+    /// because one of all would be the largest of a training: 285 MiB for a photo of 3840 x 2160, where WebGPU binds
+    /// 128.
     pub saved: [Buffer; DERIVATIVES],
 }
 

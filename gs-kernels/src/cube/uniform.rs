@@ -1,8 +1,8 @@
 //! Numbers that a shader compiler sees to be the same for all units of a cube.
 //!
-//! A barrier may stand in a loop or behind a condition only if all units of the cube take part. WGSL has compilers prove
-//! that, and a number read from a buffer proves nothing where the buffer may be written, as CubeCL declares every buffer
-//! outside browsers. Chrome's compiler then refuses the shader, and so does the older one of DirectX 12.
+//! A barrier may stand in a loop or behind a condition only if all units of the cube take part. WGSL has compilers
+//! prove that, and a number read from a buffer proves nothing where the buffer may be written, as CubeCL declares every
+//! buffer outside browsers. Chrome's compiler then refuses the shader, and so does the older one of DirectX 12.
 
 use cubecl::prelude::*;
 

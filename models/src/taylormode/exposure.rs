@@ -86,9 +86,9 @@ impl Exposure {
     }
 
     /// Moments around `t` at some offsets from an exposure's centre, in units of its length, for models that move
-    /// Gaussians to each. When `log_tau` is tracked, they have a [`shift`](Instants::shift), and the exposure is learned
-    /// through where the Gaussians are; exact, because the derivative of a position by time is its velocity. Reads `tau`
-    /// back from the device.
+    /// Gaussians to each. When `log_tau` is tracked, they have a [`shift`](Instants::shift), and the exposure is
+    /// learned through where the Gaussians are; exact, because the derivative of a position by time is its velocity.
+    /// Reads `tau` back from the device.
     pub fn instants(&self, t: f64, offsets: &[f64], PhotoShutter { exposure, share }: PhotoShutter) -> Instants {
         let change = self.log_tau.is_tracked().then(|| self.tau(exposure) - self.tau(exposure).detach());
         let rates: Vec<f64> = offsets.iter().map(|offset| offset * share).collect();

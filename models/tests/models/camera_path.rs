@@ -143,8 +143,8 @@ fn shares_of_rows_have_right_derivatives() {
     }
 }
 
-/// A share more of the frame makes no row brighter, at the end of the range too, where the first and last part begin and
-/// end with the frame.
+/// A share more of the frame makes no row brighter, at the end of the range too, where the first and last part begin
+/// and end with the frame.
 #[test]
 fn slopes_of_a_row_cancel() {
     for share in [0.02, 0.3, 0.5, 1.0] {

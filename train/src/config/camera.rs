@@ -23,8 +23,8 @@ section! {
     also check_readout;
 }
 
-/// Longest time from the first row's exposure to the last row's, in exposures: each row is in one part of the frame long
-/// before.
+/// Longest time from the first row's exposure to the last row's, in exposures: each row is in one part of the frame
+/// long before.
 pub const READOUT_MAX: f64 = 49.0;
 
 fn check_readout(config: &CameraConfig) -> Result<(), ConfigError> {

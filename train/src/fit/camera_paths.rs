@@ -172,8 +172,8 @@ impl CameraPaths {
     }
 }
 
-/// Half of the straight way of a photo's camera during its exposure, a twist in pixels, by the given poses of the photos
-/// before and after it; `None` where times or the exposure are not known, or the poses say nothing.
+/// Half of the straight way of a photo's camera during its exposure, a twist in pixels, by the given poses of the
+/// photos before and after it; `None` where times or the exposure are not known, or the poses say nothing.
 fn half_way(view: &View, views: &[View], focal: f64, distance: f64) -> Option<[f64; TWIST]> {
     let (time, exposure) = (view.time?, view.exposure?);
     let timed = |other: &&View| other.camera_id == view.camera_id && other.time.is_some();

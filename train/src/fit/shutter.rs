@@ -2,10 +2,10 @@
 //! then.
 //!
 //! A frame lasts from `u = -1`, where its first row's exposure begins, to `u = 1`, where its last row's ends. A row at
-//! height `y` from -1 to 1 is exposed from `(1 - e) y - e` to `(1 - e) y + e`: `e = 1` is a shutter that all rows share,
-//! and a rolling one has `e = exposure / (exposure + readout)`. The frame is divided into equal parts, each with the
-//! camera's pose at its middle, and a part is rendered in the rows that are exposed in it, by a camera that has these
-//! rows alone.
+//! height `y` from -1 to 1 is exposed from `(1 - e) y - e` to `(1 - e) y + e`: `e = 1` is a shutter that all rows
+//! share, and a rolling one has `e = exposure / (exposure + readout)`. The frame is divided into equal parts, each with
+//! the camera's pose at its middle, and a part is rendered in the rows that are exposed in it, by a camera that has
+//! these rows alone.
 
 use burn::tensor::{Tensor, TensorData};
 use gs_base::Intrinsics;
@@ -83,7 +83,8 @@ impl ShutterPath {
 
     /// At least `least` instants, as many as the path's length asks for.
     pub fn instants(&self, least: usize) -> Vec<Instant> {
-        // A row is exposed in the same number of parts as a photo has instants at most, if there is room for the others.
+        // A row is exposed in the same number of parts as a photo has instants at most, if there is room for the
+        // others.
         let of_row = |share: f64| ((INSTANTS[1] as f64 / share) as usize).min(PARTS);
         let most = self.share.as_ref().map_or(INSTANTS[1], |(_, share)| of_row(*share));
         let steps = |length: f64| ((length / APART) as usize + 1).clamp(INSTANTS[0], most);

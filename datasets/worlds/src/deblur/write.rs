@@ -65,8 +65,8 @@ const JITTER: f64 = 0.02;
 ///
 /// Keys of the JSON beside the usual ones: `exposure` (unit of `time`), `mask_meaning`, `depth_kind`, `blur_space`; per
 /// frame the paths of priors (`mask_path`, `depth_file_path`, `pseudo_sharp_path`) and under `truth` those of the
-/// truth, and `camera_path`, poses at even times of the frame, if cameras shake; `movers` with every moving object's pose,
-/// velocity and angular velocity at each time. The JSON is written last: a folder without it is not finished.
+/// truth, and `camera_path`, poses at even times of the frame, if cameras shake; `movers` with every moving object's
+/// pose, velocity and angular velocity at each time. The JSON is written last: a folder without it is not finished.
 ///
 /// # Errors
 /// When an option is out of its range or a file cannot be written.

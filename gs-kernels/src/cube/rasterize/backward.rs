@@ -38,8 +38,8 @@ const COLUMN_OF_BLOCKS: u32 = 0b0101_0101;
 const STAGE: usize = 448;
 /// Most rows of a batch, by [`Plan::batch`]: of one channel.
 const ROWS_STAGED: usize = 1 << (STAGE / (4 * quads(1))).ilog2();
-/// Bytes of shared memory of a cube. A card with 100 KB for a multiprocessor holds eleven such cubes, 22 warps; of twice
-/// the size it holds six, whose 12 warps do not hide the barriers and chains of additions.
+/// Bytes of shared memory of a cube. A card with 100 KB for a multiprocessor holds eleven such cubes, 22 warps; of
+/// twice the size it holds six, whose 12 warps do not hide the barriers and chains of additions.
 const SHARED_BYTES: usize = 8 << 10;
 const _: () = assert!(4 * (STAGE + SLOTS * SLOT + ROWS_STAGED + 1) <= SHARED_BYTES);
 

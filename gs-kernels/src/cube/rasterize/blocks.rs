@@ -20,7 +20,8 @@ pub(super) const ACROSS: u32 = 2;
 /// Blocks of a tile.
 pub(super) const BLOCKS: u32 = 8;
 
-/// Whether the staged Gaussian whose row begins at quad `row` reaches the block whose first pixel's centre is (`x`, `y`).
+/// Whether the staged Gaussian whose row begins at quad `row` reaches the block whose first pixel's centre is (`x`,
+/// `y`).
 #[cube]
 pub(super) fn reaches(staged: &Shared<[Quad]>, row: usize, x: f32, y: f32) -> bool {
     let (place, cut, rest) = (staged[row], staged[row + 1], staged[row + 2]);

@@ -111,8 +111,8 @@ fn rasterize_forward_kernel(
         sync_cube();
         if !ended {
             for word in 0..words {
-                // No `break` behind the words: where there is one word CubeCL drops this loop, and the unit would leave the
-                // loop around, whose barriers are for all.
+                // No `break` behind the words: where there is one word CubeCL drops this loop, and the unit would leave
+                // the loop around, whose barriers are for all.
                 let mut bits = select(ended, 0u32, masks[(block * words + word) as usize].load());
                 while bits != 0u32 {
                     let k = word * 32u32 + bits.trailing_zeros();

@@ -7,25 +7,25 @@ use std::path::{Path, PathBuf};
 
 /// The folder of a crate, and its most lines of source: without tests, and without crates inside it.
 const SOURCE_LINES: [(&str, usize); 15] = [
-    ("configs", 100),
+    ("configs", 101),
     ("datasets", 12_570),
     ("datasets/base", 1_150),
     ("datasets/driving", 6_645),
     ("datasets/multiview", 4_745),
     ("datasets/splats", 4_300),
-    ("datasets/worlds", 4_900),
-    ("gs-burn", 6_620),
-    ("gs-kernels", 14_240),
-    ("models", 12_440),
+    ("datasets/worlds", 4_960),
+    ("gs-burn", 6_660),
+    ("gs-kernels", 14_345),
+    ("models", 12_515),
     ("tests/lab", 6_050),
     ("tests/shaders", 1_870),
-    ("train", 10_800),
-    ("train/pipelines", 13_090),
+    ("train", 11_190),
+    ("train/pipelines", 13_130),
     ("train/program", 9_000),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 41_100;
+const TEST_LINES: usize = 42_450;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [
