@@ -61,7 +61,7 @@ pub(crate) struct Exposure {
 }
 
 /// The images of one frame, row by row from the top left.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub(crate) struct Shot {
     /// `[height, width, 3]`, encoded: the exposure's centre.
     pub sharp: Vec<u8>,
@@ -162,6 +162,11 @@ pub(crate) fn film(scene: &Scene, camera: &Camera, exposures: &[Exposure], order
     (0..exposures.len()).map(shot).collect()
 }
 
+/// The place of a ray in its pixel, right and down from the pixel's corner, 0 to 1.
+fn place_in_pixel(position: usize) -> [f64; 2] {
+    [position % SIDE, position / SIDE].map(|sub| (sub as f64 + 0.5) / SIDE as f64)
+}
+
 /// A photo of the size of `camera`'s, whose rows see the scene through the cameras and with the bodies of `open`, a
 /// sub-frame each; `[height, width, 3]`, encoded.
 pub(crate) fn shaken(
@@ -170,11 +175,11 @@ pub(crate) fn shaken(
     open: impl Fn(usize) -> Vec<(Camera, Vec<Placed>)> + Sync,
     order: Order,
 ) -> Vec<u8> {
-    let offset = |sub: usize| (sub as f64 + 0.5) / SIDE as f64;
     let pixel = |x: usize, y: usize, open: &[(Camera, Vec<Placed>)]| {
         let seen = open.iter().enumerate().map(|(k, (camera, bodies))| {
             let (position, share) = order.ray(k % RAYS);
-            let ray = camera.ray(x as f64 + offset(position % SIDE), y as f64 + offset(position / SIDE));
+            let [right, down] = place_in_pixel(position);
+            let ray = camera.ray(x as f64 + right, y as f64 + down);
             let point = scene.still(&ray, Lit::share(share));
             let sample = scene.sample(&ray, &point, bodies);
             (sample.body.is_some() || point.is_met() || scene.has_sky).then_some(sample.color)
@@ -198,12 +203,11 @@ struct PixelStill {
 impl PixelStill {
     fn new(scene: &Scene, camera: &Camera, x: usize, y: usize, order: Order) -> Self {
         let samples: [(Ray, StaticPoint); RAYS + 1] = std::array::from_fn(|i| {
-            let offset = |sub: usize| (sub as f64 + 0.5) / SIDE as f64;
-            let (u, v, share) = match i {
-                RAYS => (0.5, 0.5, RAYS),
+            let ([u, v], share) = match i {
+                RAYS => ([0.5; 2], RAYS),
                 _ => {
                     let (position, share) = order.ray(i);
-                    (offset(position % SIDE), offset(position / SIDE), share)
+                    (place_in_pixel(position), share)
                 }
             };
             let ray = camera.ray(x as f64 + u, y as f64 + v);

@@ -202,17 +202,15 @@ impl Paths {
         let (means, quats) = (gaussians.means.val(), gaussians.quats.val());
         let MovingSamples { means: centres, quats: turned, .. } = self.samples(&means, &quats, instants);
         let count = self.len();
-        let replaced = |all: &Tensor<2>, own: &Tensor<2>, k: usize| {
-            add_rows(
-                all.clone(),
-                &self.rows,
-                own.clone().narrow(0, k * count, count) - take_rows(all.clone(), &self.rows),
-            )
+        // A row is replaced by adding its difference: its gradient then goes to the sample alone.
+        let [still, unturned] = [&means, &quats].map(|all| take_rows(all.clone(), &self.rows));
+        let replaced = |all: &Tensor<2>, moved: &Tensor<2>, own: &Tensor<2>, k: usize| {
+            add_rows(all.clone(), &self.rows, moved.clone().narrow(0, k * count, count) - own.clone())
         };
         let scene = |k: usize| {
             let (means, quats) = match self.is_empty() {
                 true => (means.clone(), quats.clone()),
-                false => (replaced(&means, &centres, k), replaced(&quats, &turned, k)),
+                false => (replaced(&means, &centres, &still, k), replaced(&quats, &turned, &unturned, k)),
             };
             let (scales, opacities) = (gaussians.log_scales.val(), gaussians.opacity_logits.val());
             Gaussians::from_tensors(means, quats, scales, opacities, gaussians.sh.val())

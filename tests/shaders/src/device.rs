@@ -31,14 +31,14 @@ impl Shader {
     }
 }
 
-/// What a device did.
+/// The launches of a device and the faults in them.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
     /// Each kernel and variant, in the order of the first launches.
     pub shaders: Vec<Shader>,
     /// Launches of each shader.
     pub launches: Vec<usize>,
-    /// What was wrong, with the shader's name.
+    /// Sentences about faults, with the shader's name.
     pub faults: Vec<String>,
     /// Functions that read shared memory that nobody had written, and were forgiven.
     pub forgiven: BTreeSet<String>,
@@ -62,7 +62,7 @@ impl Device {
         Self { client: Client::init(id, server), record }
     }
 
-    /// What it did so far.
+    /// The record of all launches so far.
     ///
     /// # Panics
     /// When the device fails.

@@ -7,4 +7,3 @@
 
 pub mod device;
 pub mod interpreter;
-pub mod random;

@@ -26,7 +26,7 @@ type Results = Vec<(&'static str, Vec<Vec<u32>>)>;
 /// All cases in one order.
 pub struct Run {
     results: Results,
-    /// The shaders and what was wrong.
+    /// The shaders and their faults.
     pub record: Record,
 }
 

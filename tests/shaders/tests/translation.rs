@@ -88,7 +88,7 @@ fn as_read(shader: &Shader) -> String {
     text
 }
 
-/// What Tint says of a shader, if it refuses it.
+/// Tint's message about a shader, if it refuses it.
 fn refused(wgsl: &str) -> Option<String> {
     let mut file = tempfile::Builder::new().suffix(".wgsl").tempfile().expect("a file");
     file.write_all(wgsl.as_bytes()).expect("a file");

@@ -97,11 +97,7 @@ pub struct Drawn {
 impl Drawn {
     /// The quantities of one rendering, made with `screen`.
     pub fn of(rendering: &Rendering, screen: Option<&Tensor<2>>) -> Self {
-        Self {
-            radii: screen.map(|_| rendering.projected.clone()),
-            intersections: vec![rendering.intersections.clone()],
-            tiles: Vec::new(),
-        }
+        Self::of_all(std::slice::from_ref(rendering), screen)
     }
 
     /// The quantities of the renderings of one exposure, each made with `screen`: of radii the largest.

@@ -14,7 +14,8 @@
 //! | [`extrapolation`] | what a method knows of the future of its scene |
 //! | [`initialise`] | the Gaussians of step 0 |
 //! | [`correction`] | exposure and white balance of the photos |
-//! | [`camera_paths`], [`shutter`], [`align`] | learned poses of training photos, the images that they form, and poses of held-out photos |
+//! | [`camera_paths`], [`shutter`] | learned poses of training photos, and the images that they form |
+//! | [`align`] | poses of held-out photos |
 //! | [`losses`], [`schedule`], [`random`] | loss, decay of rates, random draws |
 //! | [`budget`] | a budget of time as a number of steps |
 //! | [`times`] | a scene at many times |

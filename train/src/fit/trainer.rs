@@ -46,7 +46,12 @@ impl<M: Module + ModuleDisplay> Model<M> {
     }
 
     /// Some photos of `views` with the changes of their colours and the ways of their cameras, in this model's graph.
-    fn taken<'a, X: Clone>(&self, photos: &'a [Photo<X>], views: &[View], facts: &SceneFacts) -> Cow<'a, [Photo<X>]> {
+    pub fn taken<'a, X: Clone>(
+        &self,
+        photos: &'a [Photo<X>],
+        views: &[View],
+        facts: &SceneFacts,
+    ) -> Cow<'a, [Photo<X>]> {
         if self.correction.is_none() && self.cameras.is_none() {
             return Cow::Borrowed(photos);
         }

@@ -10,7 +10,7 @@ use super::evaluate::Comparison;
 use super::metrics::psnr_counted;
 use crate::fit::method::Step;
 use crate::fit::parameters::to_host;
-use crate::fit::photos::{Photo, Photos};
+use crate::fit::photos::Photos;
 use crate::fit::shutter::formed;
 use crate::fit::told::Told;
 use crate::fit::trainer::Model;
@@ -41,9 +41,8 @@ pub fn retaken<M: Told>(model: &Model<M>, train: &[View], at: &Step<M>, device: 
     let paths = cameras.listed();
     let mut photos = Photos::plain(train, device);
     let mut one = |index: usize| {
-        let (view, photo) = (&train[index], photos.get(index));
-        let color = model.correction.as_ref().and_then(|it| it.of(view));
-        let photo = Photo { color, path: cameras.path(view, &photo.camera, at.facts), ..photo };
+        let (view, shown) = (&train[index], [photos.get(index)]);
+        let photo = &model.taken(&shown, train, at.facts)[0];
         let instants = photo.instants(least);
         let times: Vec<f64> = instants.iter().map(|it| photo.time + it.at * half * photo.frame()).collect();
         let scenes = scene.at_times(&times);
@@ -61,9 +60,9 @@ pub fn retaken<M: Told>(model: &Model<M>, train: &[View], at: &Step<M>, device: 
                 ("sharp view", sharp),
                 ("path over the photo", drawn(photo.image.clone(), &path.1, (view, cameras.focal()))),
             ],
-            truth: photo.image,
+            truth: photo.image.clone(),
             image,
-            mask: photo.mask,
+            mask: photo.mask.clone(),
             blurry: None,
         })
     };

@@ -32,8 +32,7 @@ impl<'a> Shake<'a> {
         let mut draw =
             |sizes: DVec3| TERMS.map(|term| term * sizes * DVec3::from_array([(); 3].map(|()| gaussian(rng))));
         let angle = pixels / camera.focal;
-        let (turns, shifts) = (draw(TURNS * angle), draw(SHIFTS * angle * distance));
-        Self { camera, turns, shifts }
+        Self { camera, turns: draw(TURNS * angle), shifts: draw(SHIFTS * angle * distance) }
     }
 
     /// The camera at `u` from -1, where the frame begins, to 1; halfway it is the given one.

@@ -1,6 +1,5 @@
 //! Writes a world: its cameras, its exposures, and the files of each photo.
 
-use std::borrow::Cow;
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -80,34 +79,22 @@ pub fn write(dir: &Path, options: &DeblurOptions, progress: impl Fn(usize, usize
     let expose = |time: &f64| Exposure::new(&scene, *time, options.exposure_time(), options.subframes, partly);
     let exposures: Vec<Exposure> = times.iter().map(expose).collect();
     let set = Set { dir, scene: &scene, cameras: &cameras, times: &times, order: Order::Bayer };
-    let write = |photo: &mut Photo<'_>, shot: &Shot| {
-        let draws = Draws::Prior((photo.number * options.frames + photo.frame) as u64);
-        let mut shot = Cow::Borrowed(shot);
-        let number = (photo.number * options.frames + photo.frame) as u64;
-        let (number, shakes) = match options.shakes {
-            Shakes::Own | Shakes::Turns => (number, true),
-            Shakes::Common => (0, true),
-            Shakes::Tenth => (number, number.is_multiple_of(10)),
+    let middles: Vec<f64> = instants(0.0, 2.0, options.subframes).collect();
+    // Of a frame, of which a row is exposed for a share.
+    let (share, half) = (1.0 / (1.0 + options.readout), 0.5 * options.exposure_time() * (1.0 + options.readout));
+    let shaken_photo = |photo: &mut Photo<'_>, shake: &Shake| {
+        photo.entry["truth"]["camera_path"] = middles.iter().map(|u| json!(shake.at(*u).rows())).collect();
+        let open = |row: usize| {
+            let y = (2 * row + 1) as f64 / options.height as f64 - 1.0;
+            let at = middles.iter().map(|u| (1.0 - share) * y + share * u);
+            at.map(|u| (shake.at(u), scene.placed(times[photo.frame] + half * u))).collect()
         };
-        if options.shake > 0.0 && shakes && !photo.camera.is_test {
-            let distance = if options.shakes == Shakes::Turns { 0.0 } else { DISTANCE };
-            let shake = Shake::draw(photo.camera, (options.shake, distance), &mut Draws::Shake(number).rng(seed));
-            let middles: Vec<f64> = instants(0.0, 2.0, options.subframes).collect();
-            photo.entry["truth"]["camera_path"] = middles.iter().map(|u| json!(shake.at(*u).rows())).collect();
-            // Of a frame, of which a row is exposed for a share.
-            let (share, half) =
-                (1.0 / (1.0 + options.readout), 0.5 * options.exposure_time() * (1.0 + options.readout));
-            let open = |row: usize| {
-                let y = (2 * row + 1) as f64 / options.height as f64 - 1.0;
-                let at = |u: &f64| {
-                    let u = (1.0 - share) * y + share * u;
-                    (shake.at(u), scene.placed(times[photo.frame] + half * u))
-                };
-                middles.iter().map(at).collect()
-            };
-            shot.to_mut().blurry = shaken(&scene, photo.camera, open, Order::Bayer);
-        }
-        files(photo, &shot, options, &mut draws.rng(seed))
+        shaken(&scene, photo.camera, open, Order::Bayer)
+    };
+    let write = |photo: &mut Photo<'_>, shot: &Shot| {
+        let number = (photo.number * options.frames + photo.frame) as u64;
+        let blurry = shake(photo.camera, number, options).map(|shake| shaken_photo(photo, &shake));
+        files(photo, shot, blurry.as_ref().unwrap_or(&shot.blurry), options, &mut Draws::Prior(number).rng(seed))
     };
     let list = |camera: &Camera, _| if camera.is_test { "test" } else { "train" };
     let photos = set.photograph(&exposures, list, write, progress)?;
@@ -185,18 +172,32 @@ pub(super) fn cameras(options: &DeblurOptions, rng: &mut ChaCha8Rng) -> Vec<Came
     rig.cameras(held_out, &directions)
 }
 
+/// The shake of photo `number`; `None` if its camera stands still.
+fn shake<'a>(camera: &'a Camera, number: u64, options: &DeblurOptions) -> Option<Shake<'a>> {
+    let (draw, distance) = match options.shakes {
+        Shakes::Own => (number, DISTANCE),
+        Shakes::Turns => (number, 0.0),
+        Shakes::Common => (0, DISTANCE),
+        Shakes::Tenth if number.is_multiple_of(10) => (number, DISTANCE),
+        Shakes::Tenth => return None,
+    };
+    let moves = options.shake > 0.0 && !camera.is_test;
+    moves.then(|| Shake::draw(camera, (options.shake, distance), &mut Draws::Shake(draw).rng(options.seed)))
+}
+
 /// Writes the files of a photo: blurry ones of training cameras, sharp ones of held-out ones.
 fn files(
     photo: &mut Photo<'_>,
     shot: &Shot,
+    blurry: &[u8],
     options: &DeblurOptions,
     rng: &mut ChaCha8Rng,
 ) -> Result<(), DatasetError> {
     if photo.camera.is_test {
         photo.photo(Some("sharp_path"), &shot.sharp)?;
-        photo.truth("blurry_path", "blurry", Image::Png(&shot.blurry))?;
+        photo.truth("blurry_path", "blurry", Image::Png(blurry))?;
     } else {
-        photo.photo(Some("blurry_path"), &shot.blurry)?;
+        photo.photo(Some("blurry_path"), blurry)?;
         photo.truth("sharp_path", "sharp", Image::Png(&shot.sharp))?;
     }
     photo.truth("mask_path", "masks", Image::Png(&shot.moving))?;

@@ -1,4 +1,4 @@
-//! What the device says of itself: what WebGPU grants everywhere.
+//! The device's statement about itself: the limits that WebGPU grants everywhere.
 
 use cubecl::ir::features::{AtomicUsage, Features, TypeUsage};
 use cubecl::ir::{

@@ -22,11 +22,12 @@ use cubecl_server::dry_run::LaunchMode;
 use cubecl_server::logging::ServerLogger;
 use cubecl_server::memory_management::{ManagedMemoryHandle, ManagedMemoryId, WeakMemoryBinding};
 use cubecl_server::storage::{ComputeStorage, ManagedResource, StorageHandle, StorageId};
+use rand::{RngCore, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 use super::properties::{ALIGNMENT, properties};
 use super::{Record, Shader};
 use crate::interpreter::{Binding, Launch, Memory, Program};
-use crate::random::Random;
 
 /// A kernel that was compiled.
 struct Compiled {
@@ -38,7 +39,7 @@ struct Compiled {
 /// The server.
 pub(super) struct Interpreter {
     utilities: Arc<ServerUtilities>,
-    random: Random,
+    random: ChaCha8Rng,
     forgiven: &'static [&'static str],
     compiled: HashMap<KernelId, Arc<Compiled>>,
     memories: Vec<Memory>,
@@ -67,7 +68,7 @@ impl Interpreter {
         );
         Self {
             utilities: Arc::new(utilities),
-            random: Random(seed),
+            random: ChaCha8Rng::seed_from_u64(seed),
             forgiven,
             compiled: HashMap::new(),
             memories: Vec::new(),
@@ -139,7 +140,7 @@ impl Interpreter {
             bindings: &bindings,
             memories: &mut self.memories,
             number: self.launches,
-            seed: self.random.bits(),
+            seed: self.random.next_u64(),
             forgiving: self.forgiven.contains(&&*compiled.function),
         };
         let result = program.run(launch).map_err(|fault| fault.to_string());
@@ -165,13 +166,13 @@ impl ServerCommunication for Interpreter {}
 
 impl Server for Interpreter {
     fn initialize_memory(&mut self, memory: ManagedMemoryHandle, size: u64, _: StreamId) -> Result<(), ServerError> {
-        let mut random = Random(self.random.bits());
+        let mut random = ChaCha8Rng::seed_from_u64(self.random.next_u64());
         let free = self.held.iter().zip(&mut self.memories).filter(|(held, _)| !held.is_alive());
         free.for_each(|(_, memory)| *memory = Memory::default());
         let binding = memory.binding();
         self.of_handle.insert(binding.id(), self.memories.len());
         self.held.push(binding.downgrade());
-        self.memories.push(Memory::unwritten((size as usize).div_ceil(4), || random.bits() as u32));
+        self.memories.push(Memory::unwritten((size as usize).div_ceil(4), || random.next_u32()));
         Ok(())
     }
 

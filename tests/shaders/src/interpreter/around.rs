@@ -1,4 +1,4 @@
-//! What the units of a cube share.
+//! The state that the units of a cube share.
 
 use super::code::Code;
 use super::memory::{Memory, Toucher};

@@ -59,7 +59,7 @@ pub(super) enum Index {
     Known(u32),
 }
 
-/// What a pointer leads to.
+/// The place to which a pointer leads.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Loaded {
     pub kind: Kind,

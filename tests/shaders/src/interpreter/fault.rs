@@ -1,4 +1,4 @@
-//! What can be wrong in a shader.
+//! The faults of a shader.
 
 use std::fmt;
 

@@ -99,7 +99,7 @@ impl<'a> Lowering<'a> {
         self.info[handle].ty.inner_with(&self.module.types)
     }
 
-    /// What lies one index behind `base`.
+    /// The element one index behind `base`.
     fn access(&self, base: Handle<Expression>, index: Index) -> Op {
         let at = base.index();
         let word = |count| Op::Index { base: at, index, stride: 1, count: Some(count) };

@@ -18,8 +18,10 @@ mod value;
 
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Barrier, Handle, Module, Span};
+use rand::seq::SliceRandom;
+use rand::{RngCore, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
-use crate::random::Random;
 use around::Around;
 pub use around::Binding;
 use code::Code;
@@ -46,7 +48,7 @@ pub struct Program {
 pub struct Launch<'a> {
     /// Cubes along three axes.
     pub cubes: [u32; 3],
-    /// What the shader's bindings lead to, by their number.
+    /// The memories to which the shader's bindings lead, by their number.
     pub bindings: &'a [Binding],
     /// All allocations.
     pub memories: &'a mut [Memory],
@@ -100,15 +102,15 @@ impl Program {
     /// # Errors
     /// The first fault.
     pub fn run(&self, launch: &mut Launch) -> Result<bool, Fault> {
-        let mut random = Random(launch.seed);
+        let mut random = ChaCha8Rng::seed_from_u64(launch.seed);
         let mut shared: Vec<Memory> =
-            self.shared.iter().map(|len| Memory::unwritten(*len, || random.bits() as u32)).collect();
+            self.shared.iter().map(|len| Memory::unwritten(*len, || random.next_u32())).collect();
         let mut cubes: Vec<u32> = (0..launch.cubes.iter().product()).collect();
-        random.shuffle(&mut cubes);
+        cubes.shuffle(&mut random);
         let mut units: Vec<Unit> = (0..self.size.iter().product()).map(|number| self.unit(number)).collect();
         let mut forgave = false;
         for cube in cubes {
-            shared.iter_mut().for_each(|memory| memory.forget(|| random.bits() as u32));
+            shared.iter_mut().for_each(|memory| memory.forget(|| random.next_u32()));
             units.iter_mut().for_each(|unit| self.begin(unit, cube, launch.cubes));
             forgave |= self.run_cube(launch, cube, &mut shared, &mut units, &mut random)?;
         }
@@ -121,7 +123,7 @@ impl Program {
         cube: u32,
         shared: &mut [Memory],
         units: &mut [Unit],
-        random: &mut Random,
+        random: &mut ChaCha8Rng,
     ) -> Result<bool, Fault> {
         let mut around = Around {
             code: &self.code,
@@ -193,9 +195,9 @@ impl Program {
 }
 
 /// A random order of units: of each by itself, or of whole warps.
-fn order(units: usize, random: &mut Random) -> Vec<usize> {
-    let together = if random.bits().is_multiple_of(2) { 1 } else { WARP };
+fn order(units: usize, random: &mut ChaCha8Rng) -> Vec<usize> {
+    let together = if random.next_u32().is_multiple_of(2) { 1 } else { WARP };
     let mut blocks: Vec<usize> = (0..units.div_ceil(together)).collect();
-    random.shuffle(&mut blocks);
+    blocks.shuffle(random);
     blocks.into_iter().flat_map(|block| (block * together..(block + 1) * together).filter(|k| *k < units)).collect()
 }
