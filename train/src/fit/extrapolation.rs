@@ -10,6 +10,8 @@ pub struct Part {
     pub name: String,
     /// Its motion in words.
     pub words: String,
+    /// The time from which its law was seen; `None` without a law.
+    pub since: Option<f64>,
     /// The terms of its law of motion by name, scene units, radians and the data set's unit of time; empty without a
     /// law.
     pub terms: Vec<(String, Vec<f64>)>,

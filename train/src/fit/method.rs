@@ -181,6 +181,11 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         Control::Scheduled
     }
 
+    /// The step after which the rate of the means falls anew; 0: it falls once.
+    fn begun(_step: usize, _config: &FitConfig<Self::Config>) -> usize {
+        0
+    }
+
     /// Follows a change of the Gaussians' rows.
     fn follow(self, _rows: &RowMap, _adam: &mut Adam) -> Self {
         self

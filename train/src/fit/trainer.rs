@@ -287,7 +287,8 @@ impl<M: Method> Trainer<M> {
     /// One Adam update of the Gaussians, then of the method's tensors.
     fn update(&mut self, mut gradients: NamedGradients, at: &Step<M>) {
         let _stage = profile::whole_stage("Adam");
-        let rate = gaussian_rates(&at.config.optimiser, at.step, at.config.steps, at.facts);
+        let span = [M::begun(at.step, at.config), at.config.steps];
+        let rate = gaussian_rates(&at.config.optimiser, at.step, span, at.facts);
         self.training.change(|Model { gaussians, correction, cameras, method }, adam| {
             adam.advance();
             let gaussians = adam.update_under("gaussians", gaussians, &mut gradients, rate);
@@ -306,7 +307,7 @@ impl<M: Method> Trainer<M> {
             steps: config.steps,
             seed: config.seed,
             extent: self.facts.extent,
-            means_lr: means_lr(&config.optimiser, self.step, config.steps)
+            means_lr: means_lr(&config.optimiser, self.step, [M::begun(self.step, config), config.steps])
                 * (means_unit(&config.optimiser, &self.facts) / self.facts.extent),
             control: M::control(self.step, config),
         };
@@ -380,9 +381,11 @@ fn means_unit(config: &OptimiserConfig, facts: &SceneFacts) -> f64 {
     pixel.map_or(facts.extent, |pixel| config.means_pixels / config.means_lr * pixel)
 }
 
-/// Learning rate of the means at `step` of `steps`, in [`means_unit`]s.
-fn means_lr(config: &OptimiserConfig, step: usize, steps: usize) -> f64 {
-    let falling = exponential(config.means_lr, config.means_lr_final, step, steps.max(config.decay_steps));
+/// Learning rate of the means at `step`, which falls from the step after `begun` to the last of `steps`, in
+/// [`means_unit`]s.
+fn means_lr(config: &OptimiserConfig, step: usize, [begun, steps]: [usize; 2]) -> f64 {
+    let length = (steps - begun).max(config.decay_steps.saturating_sub(begun));
+    let falling = exponential(config.means_lr, config.means_lr_final, step - begun, length);
     falling * rate_factor(config.short_run_factor, steps)
 }
 
@@ -393,13 +396,13 @@ const REST_SLOWER: f64 = 20.0;
 fn gaussian_rates(
     config: &OptimiserConfig,
     step: usize,
-    steps: usize,
+    [begun, steps]: [usize; 2],
     facts: &SceneFacts,
 ) -> impl Fn(&str) -> Option<AdamRate> {
     let sh_rest_lr = config.sh_lr / REST_SLOWER;
     let factor = rate_factor(config.short_run_factor, steps);
     let rates = Group::ALL.map(|group| match group {
-        Group::Means => AdamRate::new(means_lr(config, step, steps) * means_unit(config, facts)),
+        Group::Means => AdamRate::new(means_lr(config, step, [begun, steps]) * means_unit(config, facts)),
         Group::Quats => AdamRate::new(factor * config.quats_lr),
         Group::LogScales => AdamRate::new(factor * config.scales_lr),
         Group::Opacity => AdamRate::new(factor * config.opacity_lr),
@@ -417,7 +420,7 @@ mod tests {
     fn first(means_pixels: f64, steps: usize, pixel: Option<f64>) -> f64 {
         let config = OptimiserConfig { means_pixels, ..OptimiserConfig::default() };
         let facts = SceneFacts { extent: 5.0, pixel, ..SceneFacts::unknown(&Config::default()) };
-        let rates = gaussian_rates(&config, 1, steps, &facts);
+        let rates = gaussian_rates(&config, 1, [0, steps], &facts);
         rates(Group::Means.path()).expect("means have a rate").lr
     }
 
@@ -427,5 +430,14 @@ mod tests {
         assert!((first(0.06, 300, Some(0.004)) - 2.0 * 0.06 * 0.004).abs() < 1e-15, "a short run has twice the rate");
         assert_eq!(first(0.06, 30_000, None), 1.6e-4 * 5.0);
         assert_eq!(first(0.0, 30_000, Some(0.004)), 1.6e-4 * 5.0);
+    }
+
+    #[test]
+    fn a_rate_that_falls_anew_begins_and_ends_as_before() {
+        let config = OptimiserConfig { short_run_factor: 1.0, ..OptimiserConfig::default() };
+        let rate = |step: usize, begun: usize| means_lr(&config, step, [begun, 6000]);
+        assert_eq!((rate(1, 0), rate(4561, 4560)), (config.means_lr, config.means_lr));
+        assert!(rate(4560, 0) < 0.05 * config.means_lr);
+        assert!((rate(6000, 4560) / config.means_lr_final - 1.0).abs() < 1e-9);
     }
 }

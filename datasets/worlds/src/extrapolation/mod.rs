@@ -7,6 +7,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `scenes/extrapolation/*.toml` | the worlds; `light.toml` is common to all but the room |
+//! | `random.rs` | bodies and laws that the seed draws |
 //! | `priors.rs` | depth and confidence with the errors of a feed-forward reconstructor |
 //! | `write.rs` | cameras, the files of a photo, the points that the priors place |
 //!
@@ -14,12 +15,14 @@
 //! images.
 
 mod priors;
+mod random;
 mod write;
 
 #[cfg(test)]
 mod tests;
 
 pub use priors::PriorErrors;
+pub use random::{Planted, planted};
 pub use write::write;
 
 use crate::named::named;
@@ -46,6 +49,8 @@ named! {
         Spinner = "spinner",
         /// A thrown ball, and a box that drifts and turns.
         Duo = "duo",
+        /// One to three bodies whose shapes and laws of motion the seed draws.
+        Random = "random",
         /// A room with a sliding box, a spinning top, a pendulum and a rising box.
         Room = "room",
     }
@@ -62,6 +67,7 @@ impl World {
             Self::Telescope => include_str!("../../scenes/extrapolation/telescope.toml"),
             Self::Spinner => include_str!("../../scenes/extrapolation/spinner.toml"),
             Self::Duo => include_str!("../../scenes/extrapolation/duo.toml"),
+            Self::Random => include_str!("../../scenes/extrapolation/random.toml"),
             Self::Room => include_str!("../../scenes/extrapolation/room.toml"),
         }
     }

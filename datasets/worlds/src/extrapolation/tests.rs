@@ -118,6 +118,31 @@ fn options_out_of_range_are_named() {
     assert!("fann".parse::<World>().is_err_and(|message| message.contains("falling-ball")));
 }
 
+/// Forty seeds plant every law; bodies keep apart, inside and above what rests, and are named by their laws.
+#[test]
+fn random_worlds_plant_every_law() {
+    let mut seen = std::collections::BTreeSet::new();
+    for seed in 0..40 {
+        let options = ExtrapolationOptions { seed, ..ExtrapolationOptions::of(World::Random) };
+        let laws = planted(&options);
+        let stage = write::scene(World::Random, &mut crate::random::Draws::Scene.rng(seed));
+        assert_eq!(laws.len(), stage.moving.len());
+        seen.extend(laws.iter().map(|(law, _)| law.name()));
+        for frame in 0..=options.frames {
+            let at = |index: usize| stage.moving[index].motion.pose(options.time(frame)).position;
+            for (index, body) in stage.moving.iter().enumerate() {
+                assert!(at(index).z - body.solid.radius > -0.95, "seed {seed}: {} is in the ground", body.name);
+                let other = (0..index).find(|other| {
+                    // Between the times at which it was checked a body comes nearer by less than 2 cm.
+                    at(*other).distance(at(index)) < stage.moving[*other].solid.radius + body.solid.radius - 0.02
+                });
+                assert_eq!(other, None, "seed {seed}: {} touches another", body.name);
+            }
+        }
+    }
+    assert_eq!(seen.len(), Planted::ALL.len(), "{seen:?}");
+}
+
 /// The middles of moving bodies stay inside every photo of an object world, and inside the room.
 #[test]
 fn movers_stay_in_view() {

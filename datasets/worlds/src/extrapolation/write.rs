@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 
 use super::priors::prior;
-use super::{ExtrapolationOptions, World};
+use super::{ExtrapolationOptions, World, random};
 use crate::film::{Exposure, Order, Shot};
 use crate::points::Points;
 use crate::random::Draws;
@@ -114,7 +114,12 @@ fn check(dir: &Path, options: &ExtrapolationOptions) -> Result<(), DatasetError>
 /// A world; textures come from `rng`.
 pub(super) fn scene(world: World, rng: &mut ChaCha8Rng) -> Scene {
     let description = world.description();
-    if world.is_room() { Scene::described(&[description], rng) } else { Scene::described(&[description, LIGHT], rng) }
+    let texts = if world.is_room() { vec![description] } else { vec![description, LIGHT] };
+    let mut scene = Scene::described(&texts, rng);
+    if world == World::Random {
+        scene.moving = random::bodies(rng);
+    }
+    scene
 }
 
 /// Cameras all around, at even steps of the azimuth: on a dome outside of objects, or under the ceiling of a room.

@@ -71,6 +71,18 @@ pub(crate) enum Path {
         #[serde(default, deserialize_with = "vector")]
         acceleration: DVec3,
     },
+    /// Evenly until `change`, and then as a line with another velocity: what is pushed, or slides over an edge.
+    Pushed {
+        #[serde(deserialize_with = "vector")]
+        start: DVec3,
+        #[serde(deserialize_with = "vector")]
+        velocity: DVec3,
+        change: f64,
+        #[serde(deserialize_with = "vector")]
+        after: DVec3,
+        #[serde(deserialize_with = "vector")]
+        acceleration: DVec3,
+    },
     /// At the end of an arm that turns with the body around a pivot: a door, a wing, a pendulum. `arm` is from the
     /// pivot to the body's origin at the angle 0.
     Arm {
@@ -91,8 +103,18 @@ pub(crate) enum Turn {
         #[serde(default)]
         acceleration: f64,
     },
-    /// `amplitude cos(rate s + phase)`: a pendulum, by the law of small angles.
-    Swing { amplitude: f64, rate: f64, phase: f64 },
+    /// `rate (s - change)` from `change` on, nothing before.
+    Pushed { rate: f64, change: f64 },
+    /// `rate (1 - exp(-decay s)) / decay`: a rotation that friction slows down.
+    Fading { rate: f64, decay: f64 },
+    /// `amplitude exp(-decay s) cos(rate s + phase)`: a pendulum, by the law of small angles.
+    Swing {
+        amplitude: f64,
+        rate: f64,
+        phase: f64,
+        #[serde(default)]
+        decay: f64,
+    },
 }
 
 impl Turn {
@@ -100,9 +122,12 @@ impl Turn {
     fn at(&self, s: f64) -> (f64, f64) {
         match *self {
             Self::Steady { rate, acceleration } => (rate * s + 0.5 * acceleration * s * s, rate + acceleration * s),
-            Self::Swing { amplitude, rate, phase } => {
+            Self::Pushed { rate, change } => (rate * (s - change).max(0.0), if s < change { 0.0 } else { rate }),
+            Self::Fading { rate, decay } => (-rate * (-decay * s).exp_m1() / decay, rate * (-decay * s).exp()),
+            Self::Swing { amplitude, rate, phase, decay } => {
                 let (sin, cos) = (rate * s + phase).sin_cos();
-                (amplitude * cos, -amplitude * rate * sin)
+                let amplitude = amplitude * (-decay * s).exp();
+                (amplitude * cos, -amplitude * (rate * sin + decay * cos))
             }
         }
     }
@@ -163,6 +188,11 @@ impl Path {
             }
             Self::Line { start, velocity, acceleration } => {
                 (start + velocity * s + 0.5 * acceleration * s * s, velocity + acceleration * s)
+            }
+            Self::Pushed { start, velocity, change, after, acceleration } => {
+                let late = (s - change).max(0.0);
+                let position = start + velocity * s.min(change) + after * late + 0.5 * acceleration * late * late;
+                (position, if s < change { velocity } else { after + acceleration * late })
             }
             Self::Arm { pivot, arm } => {
                 let arm = turned * arm;
@@ -244,7 +274,15 @@ mod tests {
             |velocity: DVec3, acceleration: DVec3| Path::Line { start: v(0.1, 0.2, 0.9), velocity, acceleration };
         let arm = Path::Arm { pivot: v(0.2, -0.5, 0.4), arm: v(0.6, 0.3, -0.2) };
         let steady = |rate: f64, acceleration: f64| Turn::Steady { rate, acceleration };
-        let swing = Turn::Swing { amplitude: 0.6, rate: 5.0, phase: 0.4 };
+        let swing = Turn::Swing { amplitude: 0.6, rate: 5.0, phase: 0.4, decay: 0.0 };
+        // No time of the check is that of the push.
+        let pushed = Path::Pushed {
+            start: v(0.1, 0.2, 0.9),
+            velocity: v(0.5, 0.1, 0.0),
+            change: 0.31,
+            after: v(0.4, -0.2, 0.6),
+            acceleration: v(0.0, 0.0, -4.0),
+        };
         let cases = [
             ("rest", line(DVec3::ZERO, DVec3::ZERO), rest),
             ("free fall", line(DVec3::ZERO, v(0.0, 0.0, -3.5)), rest),
@@ -256,6 +294,9 @@ mod tests {
             ("rotation about a pivot", arm, steady(3.0, 0.0)),
             ("hinge", arm, steady(0.3, 2.6)),
             ("pendulum", arm, swing),
+            ("dying pendulum", arm, Turn::Swing { amplitude: 0.6, rate: 5.0, phase: 0.4, decay: 1.4 }),
+            ("spin that dies away", arm, Turn::Fading { rate: 2.0, decay: 0.8 }),
+            ("push", pushed, Turn::Pushed { rate: 3.0, change: 0.31 }),
             ("sway", Path::Sway { centre: v(0.0, 0.1, 0.7), swing: v(0.7, 0.3, 0.1), rate: 2.1 }, steady(1.4, 0.0)),
         ];
         for (name, path, turn) in cases {
@@ -276,7 +317,7 @@ mod tests {
         let arm = Path::Arm { pivot: DVec3::X, arm: DVec3::X };
         let half = Motion { path: arm, turn: Turn::Steady { rate: std::f64::consts::PI, acceleration: 0.0 }, ..motion };
         assert!(half.pose(1.0).position.length() < 1e-15, "half a turn about the pivot");
-        let turn = Turn::Swing { amplitude: 0.5, rate: std::f64::consts::PI, phase: 0.0 };
+        let turn = Turn::Swing { amplitude: 0.5, rate: std::f64::consts::PI, phase: 0.0, decay: 0.0 };
         let pendulum = Motion { turn, ..half };
         let angle = |t: f64| pendulum.pose(t).rotation.to_scaled_axis().z;
         assert!((angle(0.0) - 0.5).abs() < 1e-12 && angle(0.5).abs() < 1e-12 && (angle(1.0) + 0.5).abs() < 1e-12);

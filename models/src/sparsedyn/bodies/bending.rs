@@ -71,7 +71,7 @@ pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
     };
     let (_, foreseen, law, Settled { values, rhythm, rows }) = best.unwrap_or_else(rests);
     let rhythms = rhythm.rates.len() as u32;
-    let frame = BodyFrame { centre: poses.first.to_array(), law, since: span.times[0], rhythms };
+    let frame = BodyFrame { rhythms, ..BodyFrame::of(poses.first.to_array(), law, span.times[0]) };
     let rest = rest(&rhythm, &rows, span);
     let of = |(index, (node, _)): (usize, &(NodeFrame, _))| (node.clone(), columns(&rhythm, &rest, span, node, index));
     let nodes = own.nodes.iter().enumerate().map(of).collect();
@@ -248,7 +248,7 @@ mod tests {
             motion.iter_mut().zip(solved).for_each(|(six, x)| six[5] = x);
             (NodeFrame { centre: first.to_array(), width: 0.1, body: 0 }, motion)
         };
-        let frame = BodyFrame { centre: [0.5, 0.0, 0.0], law: Law::of(&[]), since: SPAN.times[1], rhythms: 0 };
+        let frame = BodyFrame::of([0.5, 0.0, 0.0], Law::of(&[]), SPAN.times[1]);
         let body = Body { nodes: (0..8).map(node).collect(), ..Body::of(frame, LawValues::REST) };
         let at = |s: f64| (0..8).map(|k| swimmer(f64::from(k) / 7.0, s, speed)).collect::<Vec<DVec3>>();
         let first = at(0.0).iter().sum::<DVec3>() / 8.0;

@@ -34,6 +34,9 @@ pub struct BodyFrame {
     pub since: f64,
     /// Oscillations of its nodes beside their free motion, which rests after the seen time.
     pub rhythms: u32,
+    /// How sure the kind of law is among those that were compared, 0 to 1; `None` where none were.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<f32>,
 }
 
 /// The time that bodies were seen in, and the size of their tables.
@@ -423,7 +426,7 @@ fn scales(length: f64) -> [f64; NUMBERS] {
 impl BodyFrame {
     /// A body without oscillations that follows `law` from the time `since` on.
     pub fn of(centre: [f64; 3], law: Law, since: f64) -> Self {
-        Self { centre, law, since, rhythms: 0 }
+        Self { centre, law, since, rhythms: 0, confidence: None }
     }
 
     /// Time since the law holds; 0 before it, negative only before the first frame of a body that it moves all along.

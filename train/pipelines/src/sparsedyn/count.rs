@@ -31,15 +31,24 @@ fn resting(config: &Config) -> Range<usize> {
 /// The steps in which density control takes place again: bodies, if any were found, have laws, so that photos of all
 /// times show the same surfaces from more sides, and surfaces that the first frame hides.
 fn resumed(config: &Config) -> Range<usize> {
-    let bodies = &config.method.bodies;
-    let has_laws = bodies.mode != BodyUse::Field && config.method.dynamics.model == MotionModel::Rollout;
     // Relocation under a budget follows the length of the run, and has ended.
-    if !has_laws || config.density.strategy != Strategy::Default {
+    if !has_laws(config) || config.density.strategy != Strategy::Default {
         return 0..0;
     }
     let warmup = warmup_steps(config);
-    let end = warmup + (bodies.regrow * (config.steps - warmup) as f64) as usize;
+    let end = warmup + (config.method.bodies.regrow * (config.steps - warmup) as f64) as usize;
     laws_at(config) + RESTING_STEPS..end
+}
+
+/// The step after which first positions are learned anew: with the laws of the bodies photos of all times show where
+/// they are, and by then their rate has fallen to a thirtieth. Of nine random worlds that gained 0.20 dB in the future,
+/// and 0.27 at seen times.
+pub fn begun(step: usize, config: &Config) -> usize {
+    if has_laws(config) && step > laws_at(config) { laws_at(config) } else { 0 }
+}
+
+fn has_laws(config: &Config) -> bool {
+    config.method.bodies.mode != BodyUse::Field && config.method.dynamics.model == MotionModel::Rollout
 }
 
 /// The step at which bodies are looked for first.
@@ -71,6 +80,15 @@ mod tests {
         assert_eq!(control(config.steps, &config), Control::Scheduled);
         config.method.bodies.mode = BodyUse::Field;
         assert!((1..=config.steps).all(|step| control(step, &config) != Control::Resumes));
+    }
+
+    #[test]
+    fn first_positions_are_learned_anew_with_laws_alone() {
+        let mut config = defaults();
+        let laws = laws_at(&config);
+        assert_eq!([laws, laws + 1, config.steps].map(|step| begun(step, &config)), [0, laws, laws]);
+        config.method.bodies.mode = BodyUse::Field;
+        assert_eq!(begun(config.steps, &config), 0);
     }
 
     /// In runs of any length, nothing is refined, lowered or pruned in the first steps of motion.

@@ -238,6 +238,8 @@ impl Sparsedyn {
     pub fn body_lines(&self) -> Vec<String> {
         let of = |body: usize| self.frame.labels.iter().filter(|label| **label == body as i32).count();
         let frames = self.frame.bodies.iter().enumerate();
-        frames.map(|(body, frame)| format!("{} Gaussians: {}", of(body), self.frame.words(frame))).collect()
+        frames
+            .map(|(body, frame)| format!("{} Gaussians: {}", of(body), self.frame.words_and_confidence(frame)))
+            .collect()
     }
 }

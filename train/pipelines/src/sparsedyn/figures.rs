@@ -3,10 +3,11 @@
 use gs_burn::{Gaussians, parameter_bytes, render};
 use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
+use gs_models::sparsedyn::bodies::BodyFrame;
 
 use super::scene::RolledScene;
 use super::{Config, Sparsedyn, Step};
-use gs_train::fit::figure::{Figure, Figures};
+use gs_train::fit::figure::{Figure, FigureTable, Figures};
 use gs_train::fit::parameters::to_host;
 use gs_train::fit::photos::{camera, colors_of, mask_of};
 use gs_train::fit::times::{by_time, each_view};
@@ -24,10 +25,11 @@ pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, scene: &Scene, views: &
         "units/time",
     );
     let mut numbers = vec![count, speed.digits(3)];
+    let tables = bodies_table(model).into_iter().collect();
     let is_later = |view: &&View| model.frame.clock.inner(view.time.unwrap_or(0.0)) > model.frame.span[1];
     let later: Vec<&View> = views.iter().filter(is_later).collect();
     if later.is_empty() {
-        return Figures { numbers, tables: Vec::new() };
+        return Figures { numbers, tables };
     }
     let compared = Compared { model, gaussians, at };
     if let Some([future, held]) = compared.future_and_held(&later) {
@@ -42,7 +44,21 @@ pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, scene: &Scene, views: &
     if let Some(seen) = mean_finite(compared.psnr(&seen)) {
         numbers.push(Figure::new("seen", "PSNR of the seen times, held-out cameras", seen, "dB").digits(2));
     }
-    Figures { numbers, tables: Vec::new() }
+    Figures { numbers, tables }
+}
+
+/// The motion of each body; `None` without bodies.
+fn bodies_table(model: &Sparsedyn) -> Option<FigureTable> {
+    let frame = &model.frame;
+    let row = |(body, constants): (usize, &BodyFrame)| {
+        let own = frame.labels.iter().filter(|label| **label == body as i32).count();
+        vec![format!("body_{body}"), own.to_string(), frame.words_and_confidence(constants)]
+    };
+    (!frame.bodies.is_empty()).then(|| FigureTable {
+        title: "Bodies".into(),
+        columns: ["body", "Gaussians", "motion"].map(String::from).to_vec(),
+        rows: frame.bodies.iter().enumerate().map(row).collect(),
+    })
 }
 
 /// A model that is compared with photos.

@@ -55,6 +55,10 @@ impl Method for Sparsedyn {
         count::control(step, config)
     }
 
+    fn begun(step: usize, config: &Config) -> usize {
+        count::begun(step, config)
+    }
+
     fn follow(self, rows: &RowMap, _adam: &mut Adam) -> Self {
         self.followed(rows)
     }

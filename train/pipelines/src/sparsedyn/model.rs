@@ -95,7 +95,9 @@ impl Frame {
             && self.labels.iter().all(|label| (-1..self.bodies.len() as i32).contains(label));
         let known = self.knots <= KNOTS_MAX && self.bodies.iter().all(|body| body.law.is_known());
         let is_body = |body: &BodyFrame| {
-            body.centre.iter().all(|x| x.is_finite()) && body.since.is_finite() && body.rhythms as usize <= RHYTHMS
+            let sure = body.confidence.is_none_or(|share| (0.0..=1.0).contains(&share));
+            let usable = body.centre.iter().all(|x| x.is_finite()) && body.since.is_finite();
+            usable && sure && body.rhythms as usize <= RHYTHMS
         };
         let is_node = |node: &NodeFrame| {
             node.body < self.bodies.len() && node.width > 0.0 && node.centre.iter().all(|x| x.is_finite())
@@ -118,6 +120,12 @@ impl Frame {
             (0, true) => format!("{law} from time {:.3} on", self.clock.outer(body.since)),
             (count, _) => format!("{law} and bends by {}", counted(count as usize, "oscillation")),
         }
+    }
+
+    /// The motion of a body in words, with how sure its kind of law is.
+    pub fn words_and_confidence(&self, body: &BodyFrame) -> String {
+        let sure = body.confidence.map(|share| format!(", {:.0} % sure", 100.0 * share));
+        self.words(body) + &sure.unwrap_or_default()
     }
 
     /// The time that bodies were seen in, and the size of their tables.

@@ -13,19 +13,19 @@ const SOURCE_LINES: [(&str, usize); 15] = [
     ("datasets/driving", 6_645),
     ("datasets/multiview", 4_745),
     ("datasets/splats", 4_300),
-    ("datasets/worlds", 4_960),
+    ("datasets/worlds", 5_190),
     ("gs-burn", 6_660),
     ("gs-kernels", 14_345),
     ("models", 12_515),
-    ("tests/lab", 6_050),
+    ("tests/lab", 6_170),
     ("tests/shaders", 1_870),
-    ("train", 11_190),
-    ("train/pipelines", 13_130),
-    ("train/program", 9_000),
+    ("train", 11_200),
+    ("train/pipelines", 13_330),
+    ("train/program", 9_010),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 42_450;
+const TEST_LINES: usize = 42_570;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [

@@ -105,6 +105,8 @@ fn a_rotation_is_found_and_goes_on() {
     let truth = DQuat::from_scaled_axis(vector("angular_velocity"));
     let pose = bodies.all()[body].pose(&bodies.span, 1.0);
     let words = model.body_lines().join("; ");
+    let table = eval.last.measured.tables.iter().find(|table| table.title == "Bodies").expect("a table of the bodies");
+    assert!(table.rows[body][2].ends_with("% sure"), "{:?}", table.rows);
     let psnr = eval.last.mean().psnr;
     let angle = pose.rotation.angle_between(truth).to_degrees();
     assert!(angle < 3.0, "{angle} degrees off at time 1: {words}, {psnr} dB");

@@ -6,6 +6,7 @@ mod analytic;
 mod contacts;
 mod horizon;
 mod integrators;
+mod laws;
 mod observed;
 mod priors;
 mod reversal;
@@ -17,7 +18,7 @@ mod views;
 use crate::experiments::{Experiment, experiments};
 
 /// All experiments, those without training first.
-pub static EXPERIMENTS: [Experiment; 9] = experiments![
+pub static EXPERIMENTS: [Experiment; 10] = experiments![
     /// Rotation, shear, saddle and damped oscillator, rolled out with steps from 1/8 to 1/1024: which order has each
     /// integrator, is the screw exact for a steady rotation, and which step keeps a radius within 1 % at a given
     /// angular speed?
@@ -46,4 +47,7 @@ pub static EXPERIMENTS: [Experiment; 9] = experiments![
     /// A box that slides as long as it is seen, and then, at 0.85, stops at once, bounces back or goes on at half its
     /// speed: how far off are the predicted photos after that?
     "contacts": contacts::run, [1, 1] of [1000, 120];
+    /// Random worlds of one to three bodies, photos of five cameras alone: of which kind is the law that each body
+    /// gets, and what does the future gain over the last state seen?
+    "laws": laws::run, [12, 2] of [6000, 240], on_request;
 ];

@@ -56,6 +56,13 @@ impl Work<'_> {
             centre: part.centre.map(|centre| (centre + origin).to_array()),
         };
         let figures: Vec<PartFigures> = parts.iter().map(described).collect();
+        for part in &parts {
+            print(format!("{}: {}, {}", part.name, counted(part.rows.len(), "Gaussian"), part.words));
+            let (asked, seen) = (self.args.to - self.span[1], self.span[1] - part.since.unwrap_or(self.span[0]));
+            if part.since.is_some() && asked > seen {
+                print(format!("{}: its law was seen for {seen:.3}, and is asked for {asked:.3} more", part.name));
+            }
+        }
         if !self.args.bodies {
             return Ok(figures);
         }
@@ -65,7 +72,6 @@ impl Work<'_> {
         let whole = self.predicted.scene.at(self.span[0]);
         for (part, path) in parts.iter().zip(&paths) {
             write_ply(path, &rows_of(&whole, &part.rows), origin)?;
-            print(format!("{}: {}, {}", part.name, counted(part.rows.len(), "Gaussian"), part.words));
         }
         write_json(&self.files.at(JSON), &File { program: MARK, time: self.span[0], parts: &figures })?;
         Ok(figures)
