@@ -181,8 +181,8 @@ pub trait Method: Module + ModuleDisplay + Debug + Send + 'static {
         Control::Scheduled
     }
 
-    /// The step after which the rate of the means falls anew; 0: it falls once.
-    fn begun(_step: usize, _config: &FitConfig<Self::Config>) -> usize {
+    /// The step after which the learning rate of the means starts anew; 0: it falls once.
+    fn means_restart(&self, _step: usize, _config: &FitConfig<Self::Config>) -> usize {
         0
     }
 

@@ -287,7 +287,7 @@ impl<M: Method> Trainer<M> {
     /// One Adam update of the Gaussians, then of the method's tensors.
     fn update(&mut self, mut gradients: NamedGradients, at: &Step<M>) {
         let _stage = profile::whole_stage("Adam");
-        let span = [M::begun(at.step, at.config), at.config.steps];
+        let span = [self.model().method.means_restart(at.step, at.config), at.config.steps];
         let rate = gaussian_rates(&at.config.optimiser, at.step, span, at.facts);
         self.training.change(|Model { gaussians, correction, cameras, method }, adam| {
             adam.advance();
@@ -307,8 +307,11 @@ impl<M: Method> Trainer<M> {
             steps: config.steps,
             seed: config.seed,
             extent: self.facts.extent,
-            means_lr: means_lr(&config.optimiser, self.step, [M::begun(self.step, config), config.steps])
-                * (means_unit(&config.optimiser, &self.facts) / self.facts.extent),
+            means_lr: means_lr(
+                &config.optimiser,
+                self.step,
+                [self.model().method.means_restart(self.step, config), config.steps],
+            ) * (means_unit(&config.optimiser, &self.facts) / self.facts.extent),
             control: M::control(self.step, config),
         };
         let mut changes = Changes::default();
@@ -381,8 +384,8 @@ fn means_unit(config: &OptimiserConfig, facts: &SceneFacts) -> f64 {
     pixel.map_or(facts.extent, |pixel| config.means_pixels / config.means_lr * pixel)
 }
 
-/// Learning rate of the means at `step`, which falls from the step after `begun` to the last of `steps`, in
-/// [`means_unit`]s.
+/// Learning rate of the means at `step`, which falls from the step after `begun` to the last of `steps`, and no faster
+/// than in a run of `decay_steps`, in [`means_unit`]s.
 fn means_lr(config: &OptimiserConfig, step: usize, [begun, steps]: [usize; 2]) -> f64 {
     let length = (steps - begun).max(config.decay_steps.saturating_sub(begun));
     let falling = exponential(config.means_lr, config.means_lr_final, step - begun, length);
@@ -433,7 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rate_that_falls_anew_begins_and_ends_as_before() {
+    fn a_rate_that_starts_anew_begins_and_ends_as_before() {
         let config = OptimiserConfig { short_run_factor: 1.0, ..OptimiserConfig::default() };
         let rate = |step: usize, begun: usize| means_lr(&config, step, [begun, 6000]);
         assert_eq!((rate(1, 0), rate(4561, 4560)), (config.means_lr, config.means_lr));

@@ -58,11 +58,14 @@ const BODIES: usize = 3;
 /// Bodies stay within this distance of the middle, metres: all cameras see them whole.
 const REACH: f64 = 1.3;
 
-/// Bodies stay above this height, metres: the top of what rests.
+/// Bodies stay above this height, metres: a centimetre above what rests.
 const GROUND: f64 = -0.93;
 
 /// Times at which bodies must be inside and apart.
 const TIMES: u32 = 40;
+
+/// Laws that are drawn at most.
+const LAWS: usize = 100;
 
 /// Bodies that are drawn by a law before another law is: each law is then about as frequent, however far it leads.
 const TRIES: usize = 500;
@@ -81,7 +84,11 @@ pub fn planted(options: &ExtrapolationOptions) -> Vec<(Planted, DVec3)> {
 pub(super) fn bodies(rng: &mut ChaCha8Rng) -> Vec<MovingBody> {
     let count = rng.random_range(1..=BODIES);
     let mut bodies: Vec<MovingBody> = Vec::new();
-    while bodies.len() < count {
+    // Two bodies may leave no room for a third.
+    for _ in 0..LAWS {
+        if bodies.len() == count {
+            break;
+        }
         let law = Planted::ALL[rng.random_range(0..Planted::ALL.len())];
         let mut tries = (0..TRIES).map(|_| body(law, rng));
         bodies.extend(tries.find(|body| is_inside(body) && bodies.iter().all(|other| are_apart(body, other))));
@@ -141,8 +148,8 @@ fn turned(rng: &mut ChaCha8Rng) -> DQuat {
     DQuat::from_axis_angle(direction(rng), rng.random_range(0.0..TAU))
 }
 
-/// A motion by `law`. Speeds are those of a body that crosses half of the view, rotations those of less than a turn and
-/// a half, oscillations those of half to one and a half periods.
+/// A motion by `law`. Speeds are those of a body that crosses half of the view, rotations those of up to a turn,
+/// oscillations those of 0.7 to 1.4 periods.
 fn motion(law: Planted, rng: &mut ChaCha8Rng) -> Motion {
     let (place, rest) = (rng.random_range(0.0..0.9) * direction(rng), Turn::Steady { rate: 0.0, acceleration: 0.0 });
     let (across, around) = (level(rng), direction(rng));

@@ -39,7 +39,7 @@ fn bodies(place: &Place, kind: Kind) -> Bodies {
         };
         let nodes = if kind == Kind::Bending { vec![node(-0.3), node(0.3)] } else { Vec::new() };
         Body {
-            frame: BodyFrame { centre, law: *law, since, rhythms },
+            frame: BodyFrame { rhythms, ..BodyFrame::of(centre, *law, since) },
             values: LawValues(random.values(NUMBERS, -2.0, 2.0).try_into().expect("numbers")),
             free: if kind == Kind::Phased { motion(&mut random) } else { Vec::new() },
             rates,
@@ -98,7 +98,7 @@ fn nodes_bend_their_body() {
         let even = [0.2, 0.0, 0.0, 0.0, 0.0, turn];
         (NodeFrame { centre: [x, 0.0, 0.0], width, body: 0 }, vec![even])
     };
-    let frame = |since: f64| BodyFrame { centre: [0.0; 3], law: Law::of(&[]), since, rhythms: 0 };
+    let frame = |since: f64| BodyFrame::of([0.0; 3], Law::of(&[]), since);
     let with = |nodes: Vec<_>| {
         let body = Body { nodes, ..Body::of(frame(SPAN.times[1]), LawValues::REST) };
         map_parameters(Bodies::new(&[body], SPAN, &place.device), |_, table| table.cast(place.dtype))

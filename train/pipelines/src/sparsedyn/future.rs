@@ -185,7 +185,7 @@ impl Extrapolation for RolledFuture {
             parts.push(Part {
                 name: format!("body_{body}"),
                 words: frame.words_and_confidence(constants),
-                since: Some(frame.clock.outer(constants.since)),
+                since: (constants.since < frame.span[1]).then(|| frame.clock.outer(constants.since)),
                 terms: terms
                     .map(|term| (named(term), in_unit(term, &values.0[term.numbers()], &frame.clock)))
                     .collect(),

@@ -55,8 +55,8 @@ impl Method for Sparsedyn {
         count::control(step, config)
     }
 
-    fn begun(step: usize, config: &Config) -> usize {
-        count::begun(step, config)
+    fn means_restart(&self, step: usize, config: &Config) -> usize {
+        if self.bodies.is_some() { count::means_restart(step, config) } else { 0 }
     }
 
     fn follow(self, rows: &RowMap, _adam: &mut Adam) -> Self {

@@ -13,19 +13,19 @@ const SOURCE_LINES: [(&str, usize); 15] = [
     ("datasets/driving", 6_645),
     ("datasets/multiview", 4_745),
     ("datasets/splats", 4_300),
-    ("datasets/worlds", 5_190),
+    ("datasets/worlds", 5_195),
     ("gs-burn", 6_660),
     ("gs-kernels", 14_345),
     ("models", 12_515),
     ("tests/lab", 6_170),
     ("tests/shaders", 1_870),
-    ("train", 11_200),
-    ("train/pipelines", 13_330),
+    ("train", 11_205),
+    ("train/pipelines", 13_335),
     ("train/program", 9_010),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 42_570;
+const TEST_LINES: usize = 42_590;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [

@@ -13,7 +13,7 @@ use super::trial::{Film, SEEN};
 use crate::experiments::lab::{Session, Trial, figure};
 use crate::experiments::{Findings, Lab, Series};
 
-const WORLDS: usize = 12;
+const WORLDS: usize = 24;
 const WORLDS_QUICK: usize = 2;
 
 /// The first world's seed: thresholds were set on those of 1 to 30.

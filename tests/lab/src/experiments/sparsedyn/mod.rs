@@ -49,5 +49,5 @@ pub static EXPERIMENTS: [Experiment; 10] = experiments![
     "contacts": contacts::run, [1, 1] of [1000, 120];
     /// Random worlds of one to three bodies, photos of five cameras alone: of which kind is the law that each body
     /// gets, and what does the future gain over the last state seen?
-    "laws": laws::run, [12, 2] of [6000, 240], on_request;
+    "laws": laws::run, [24, 2] of [6000, 240], on_request;
 ];
