@@ -21,7 +21,8 @@ const TIMES: usize = 5;
 const TIMES_FITTED: usize = 16;
 
 /// Updates of a law's numbers before photos judge it, and their learning rates at the first and the last, in units of
-/// lengths of a body's span and radians. Together they reach 0.08, some pixels. After 40 updates two laws of 22 were wrong, after 60 one.
+/// lengths of a body's span and radians. Together they reach 0.08, some pixels. After 40 updates two laws of 22 were
+/// wrong, after 60 one.
 const UPDATES: usize = 60;
 const RATES: [f64; 2] = [4e-3, 2e-4];
 
@@ -188,7 +189,8 @@ mod tests {
         )
     }
 
-    /// Numbers that are off by half a pixel at the last time come within a quarter of a pixel of those that made the photos.
+    /// Numbers that are off by half a pixel at the last time come within a quarter of a pixel of those that made the
+    /// photos.
     #[test]
     fn a_law_is_fitted_to_photos() {
         let device = gs_burn::device::select("auto").expect("a device");

@@ -269,9 +269,9 @@ fn count_of(labels: &[i32]) -> i32 {
     labels.iter().max().map_or(0, |most| *most + 1)
 }
 
-/// Whether laws of parts of one body that hold from the times `changes` on are pieces of a bending motion: all begin late,
-/// one after another. What is pushed changes at once, and of two bodies that were taken for one either may have a law
-/// from the first frame on.
+/// Whether laws of parts of one body that hold from the times `changes` on are pieces of a bending motion: all begin
+/// late, one after another. What is pushed changes at once, and of two bodies that were taken for one either may have a
+/// law from the first frame on.
 fn is_a_wave(changes: &[f64], times: &[f64]) -> bool {
     let (first, last) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(0.0));
     let late = changes.iter().copied().fold(f64::NEG_INFINITY, f64::max);
