@@ -22,8 +22,8 @@ mod write;
 mod tests;
 
 pub use priors::PriorErrors;
-pub use random::{Planted, planted};
-pub use write::write;
+pub use random::Planted;
+pub use write::{planted, write};
 
 use crate::named::named;
 

@@ -7,9 +7,7 @@ use glam::{DQuat, DVec3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::ExtrapolationOptions;
 use crate::named::named;
-use crate::random::Draws;
 use crate::tracer::motion::{Motion, Path, Turn};
 use crate::tracer::scene::MovingBody;
 use crate::tracer::shape::Shape;
@@ -71,14 +69,6 @@ const LAWS: usize = 100;
 const TRIES: usize = 500;
 
 const PATTERNS: [Pattern; 5] = [Pattern::Mosaic, Pattern::Planks, Pattern::Plaster, Pattern::Fur, Pattern::Skin];
-
-/// The laws of the moving bodies of [`World::Random`](super::World::Random), and where their origins are at first,
-/// metres.
-pub fn planted(options: &ExtrapolationOptions) -> Vec<(Planted, DVec3)> {
-    let bodies = super::write::scene(options.world, &mut Draws::Scene.rng(options.seed)).moving;
-    let law = |body: &MovingBody| body.name.parse().ok().map(|law| (law, body.motion.pose(0.0).position));
-    bodies.iter().filter_map(law).collect()
-}
 
 /// One to [`BODIES`] bodies that do not touch each other.
 pub(super) fn bodies(rng: &mut ChaCha8Rng) -> Vec<MovingBody> {

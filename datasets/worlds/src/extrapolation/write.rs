@@ -11,14 +11,14 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::json;
 
 use super::priors::prior;
-use super::{ExtrapolationOptions, World, random};
+use super::{ExtrapolationOptions, Planted, World, random};
 use crate::film::{Exposure, Order, Shot};
 use crate::points::Points;
 use crate::random::Draws;
 use crate::ranges::check_ranges;
 use crate::set::{Image, Photo, Set};
 use crate::tracer::camera::{Camera, Rig};
-use crate::tracer::scene::Scene;
+use crate::tracer::scene::{MovingBody, Scene};
 
 /// The light of all worlds but the room.
 const LIGHT: &str = include_str!("../../scenes/extrapolation/light.toml");
@@ -109,6 +109,13 @@ fn check(dir: &Path, options: &ExtrapolationOptions) -> Result<(), DatasetError>
         ("priors.outliers", errors.outliers, 0.0..=1.0),
     ];
     check_ranges(dir, &numbers)
+}
+
+/// The laws of the moving bodies of [`World::Random`], and where their origins are at first, metres.
+pub fn planted(options: &ExtrapolationOptions) -> Vec<(Planted, DVec3)> {
+    let bodies = scene(options.world, &mut Draws::Scene.rng(options.seed)).moving;
+    let law = |body: &MovingBody| body.name.parse().ok().map(|law| (law, body.motion.pose(0.0).position));
+    bodies.iter().filter_map(law).collect()
 }
 
 /// A world; textures come from `rng`.
