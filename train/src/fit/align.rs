@@ -4,7 +4,7 @@
 use burn::module::{Module, Param};
 use burn::tensor::Tensor;
 use gs_burn::adam::AdamRate;
-use gs_burn::{Camera, Gaussians, NamedGradients, RenderOptions, render};
+use gs_burn::{Camera, Gaussians, RenderOptions, render};
 use gs_models::camera_path::{TWIST, moved};
 
 use super::photos::Photo;
@@ -32,18 +32,16 @@ pub fn aligned<X>(gaussians: &Gaussians, photo: &Photo<X>, options: &RenderOptio
     let mut training = Training::new(Pose { twist });
     let at = |pose: &Pose| moved(&photo.camera, pose.twist.val(), distance).remove(0);
     for step in 1..=STEPS {
-        let tracked = training.module().clone().train();
-        let image = photo.taken(render(gaussians, &at(&tracked), options).color);
-        let difference = (image - photo.image.clone()).abs();
-        let loss = match &photo.mask {
-            Some(mask) => (difference * mask.clone()).mean(),
-            None => difference.mean(),
+        let loss = |pose: &Pose| {
+            let image = photo.taken(render(gaussians, &at(pose), options).color);
+            let difference = (image - photo.image.clone()).abs();
+            match &photo.mask {
+                Some(mask) => (difference * mask.clone()).mean(),
+                None => difference.mean(),
+            }
         };
-        let mut graph = loss.backward();
-        let gradients = NamedGradients::take(&tracked, &mut graph);
-        drop(tracked);
         let rate = exponential(RATES[0], RATES[1], step, STEPS);
-        training.update(gradients, |_| Some(AdamRate::new(rate)));
+        training.descend(loss, |_| Some(AdamRate::new(rate)));
     }
     at(training.module())
 }

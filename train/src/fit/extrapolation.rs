@@ -10,6 +10,8 @@ pub struct Part {
     pub name: String,
     /// Its motion in words.
     pub words: String,
+    /// How sure the kind of its law is among those that were compared, 0 to 1; `None` where none were.
+    pub confidence: Option<f32>,
     /// The time from which its law was seen; `None` without a law.
     pub since: Option<f64>,
     /// The terms of its law of motion by name, scene units, radians and the data set's unit of time; empty without a
@@ -19,6 +21,11 @@ pub struct Part {
     pub centre: Option<DVec3>,
     /// Its Gaussians, by row.
     pub rows: Vec<u32>,
+}
+
+/// A motion in words, with how sure it is, 0 to 1.
+pub fn with_confidence(words: &str, confidence: Option<f32>) -> String {
+    confidence.map_or(words.into(), |share| format!("{words}, {:.0} % sure", 100.0 * share))
 }
 
 /// The future of a scene, as its method extrapolates it.

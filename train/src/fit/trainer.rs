@@ -287,8 +287,7 @@ impl<M: Method> Trainer<M> {
     /// One Adam update of the Gaussians, then of the method's tensors.
     fn update(&mut self, mut gradients: NamedGradients, at: &Step<M>) {
         let _stage = profile::whole_stage("Adam");
-        let span = [self.model().method.means_restart(at.step, at.config), at.config.steps];
-        let rate = gaussian_rates(&at.config.optimiser, at.step, span, at.facts);
+        let rate = gaussian_rates(&at.config.optimiser, at.step, self.means_span(at.config), at.facts);
         self.training.change(|Model { gaussians, correction, cameras, method }, adam| {
             adam.advance();
             let gaussians = adam.update_under("gaussians", gaussians, &mut gradients, rate);
@@ -299,6 +298,11 @@ impl<M: Method> Trainer<M> {
         });
     }
 
+    /// The steps after which and up to which the learning rate of the means falls.
+    fn means_span(&self, config: &FitConfig<M::Config>) -> [usize; 2] {
+        [self.model().method.means_restart(self.step, config), config.steps]
+    }
+
     fn control_density(&mut self, observations: Vec<Observation>, at: &Step<M>) -> Changes {
         let config = at.config;
         let _stage = profile::whole_stage("density control");
@@ -307,11 +311,8 @@ impl<M: Method> Trainer<M> {
             steps: config.steps,
             seed: config.seed,
             extent: self.facts.extent,
-            means_lr: means_lr(
-                &config.optimiser,
-                self.step,
-                [self.model().method.means_restart(self.step, config), config.steps],
-            ) * (means_unit(&config.optimiser, &self.facts) / self.facts.extent),
+            means_lr: means_lr(&config.optimiser, self.step, self.means_span(config))
+                * (means_unit(&config.optimiser, &self.facts) / self.facts.extent),
             control: M::control(self.step, config),
         };
         let mut changes = Changes::default();
@@ -399,13 +400,13 @@ const REST_SLOWER: f64 = 20.0;
 fn gaussian_rates(
     config: &OptimiserConfig,
     step: usize,
-    [begun, steps]: [usize; 2],
+    span: [usize; 2],
     facts: &SceneFacts,
 ) -> impl Fn(&str) -> Option<AdamRate> {
     let sh_rest_lr = config.sh_lr / REST_SLOWER;
-    let factor = rate_factor(config.short_run_factor, steps);
+    let factor = rate_factor(config.short_run_factor, span[1]);
     let rates = Group::ALL.map(|group| match group {
-        Group::Means => AdamRate::new(means_lr(config, step, [begun, steps]) * means_unit(config, facts)),
+        Group::Means => AdamRate::new(means_lr(config, step, span) * means_unit(config, facts)),
         Group::Quats => AdamRate::new(factor * config.quats_lr),
         Group::LogScales => AdamRate::new(factor * config.scales_lr),
         Group::Opacity => AdamRate::new(factor * config.opacity_lr),

@@ -1,6 +1,7 @@
 //! A module in training: with its optimiser and its counters, whatever the module is.
 
 use burn::module::Module;
+use burn::tensor::Tensor;
 use gs_burn::NamedGradients;
 use gs_burn::adam::{Adam, AdamRate};
 
@@ -33,6 +34,15 @@ impl<N: Module> Training<N> {
     pub fn change(&mut self, change: impl FnOnce(N, &mut Adam) -> N) {
         let module = self.module.take().expect("the module is taken out only within a change");
         self.module = Some(change(module, &mut self.adam));
+    }
+
+    /// One update of each parameter that has a rate, by the gradient of the loss `[1]` of the module.
+    pub fn descend(&mut self, loss: impl FnOnce(&N) -> Tensor<1>, rate: impl Fn(&str) -> Option<AdamRate>) {
+        let tracked = self.module().clone().train();
+        let mut graph = loss(&tracked).backward();
+        let gradients = NamedGradients::take(&tracked, &mut graph);
+        drop(tracked);
+        self.update(gradients, rate);
     }
 
     /// One update of each parameter that has a gradient and a rate.

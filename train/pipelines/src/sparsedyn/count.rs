@@ -41,7 +41,7 @@ fn resumed(config: &Config) -> Range<usize> {
 }
 
 /// The step after which the learning rate of first positions starts anew: bodies have laws, so that photos of all times
-/// show where Gaussians are, and the rate has fallen to a thirtieth by then. In nine random worlds that gained 0.20 dB
+/// show where Gaussians are, and the rate has fallen to a thirtieth by then. In nine random worlds that gained 0.19 dB
 /// in the future, and 0.27 dB at seen times.
 pub fn means_restart(step: usize, config: &Config) -> usize {
     if has_laws(config) && step > laws_at(config) { laws_at(config) } else { 0 }

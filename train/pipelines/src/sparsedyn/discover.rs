@@ -23,6 +23,7 @@ use super::laws::with_laws;
 use super::poses::{members, middle, nearest, paths, pixel_size, poses_of, rests, vectors, weights_of};
 use super::update::forget;
 use super::{Sparsedyn, Step};
+use gs_train::fit::extrapolation::with_confidence;
 use gs_train::fit::parameters::to_host;
 
 /// Searches for bodies.
@@ -236,10 +237,13 @@ impl Sparsedyn {
 
     /// Each body's size and law in words.
     pub fn body_lines(&self) -> Vec<String> {
+        self.body_rows().into_iter().map(|(count, words)| format!("{count} Gaussians: {words}")).collect()
+    }
+
+    /// The Gaussians of each body, and its law in words with how sure it is.
+    pub(super) fn body_rows(&self) -> Vec<(usize, String)> {
         let of = |body: usize| self.frame.labels.iter().filter(|label| **label == body as i32).count();
-        let frames = self.frame.bodies.iter().enumerate();
-        frames
-            .map(|(body, frame)| format!("{} Gaussians: {}", of(body), self.frame.words_and_confidence(frame)))
-            .collect()
+        let words = |frame: &BodyFrame| with_confidence(&self.frame.words(frame), frame.confidence);
+        self.frame.bodies.iter().enumerate().map(|(body, frame)| (of(body), words(frame))).collect()
     }
 }

@@ -3,7 +3,6 @@
 use gs_burn::{Gaussians, parameter_bytes, render};
 use gs_datasets::{Scene, View};
 use gs_models::DynamicScene;
-use gs_models::sparsedyn::bodies::BodyFrame;
 
 use super::scene::RolledScene;
 use super::{Config, Sparsedyn, Step};
@@ -49,16 +48,11 @@ pub fn figures(model: &Sparsedyn, gaussians: &Gaussians, scene: &Scene, views: &
 
 /// The motion of each body; `None` without bodies.
 fn bodies_table(model: &Sparsedyn) -> Option<FigureTable> {
-    let frame = &model.frame;
-    let row = |(body, constants): (usize, &BodyFrame)| {
-        let own = frame.labels.iter().filter(|label| **label == body as i32).count();
-        vec![format!("body_{body}"), own.to_string(), frame.words_and_confidence(constants)]
-    };
-    (!frame.bodies.is_empty()).then(|| FigureTable {
-        title: "Bodies".into(),
-        columns: ["body", "Gaussians", "motion"].map(String::from).to_vec(),
-        rows: frame.bodies.iter().enumerate().map(row).collect(),
-    })
+    let rows = model.body_rows().into_iter().enumerate();
+    let rows: Vec<Vec<String>> =
+        rows.map(|(body, (count, words))| vec![format!("body_{body}"), count.to_string(), words]).collect();
+    let columns = ["body", "Gaussians", "motion"].map(String::from).to_vec();
+    (!rows.is_empty()).then(|| FigureTable { title: "Bodies".into(), columns, rows })
 }
 
 /// A model that is compared with photos.

@@ -184,7 +184,8 @@ impl Extrapolation for RolledFuture {
             let terms = Term::ALL.into_iter().filter(|term| constants.law.has(*term));
             parts.push(Part {
                 name: format!("body_{body}"),
-                words: frame.words_and_confidence(constants),
+                words: frame.words(constants),
+                confidence: constants.confidence,
                 since: (constants.since < frame.span[1]).then(|| frame.clock.outer(constants.since)),
                 terms: terms
                     .map(|term| (named(term), in_unit(term, &values.0[term.numbers()], &frame.clock)))
@@ -196,6 +197,7 @@ impl Extrapolation for RolledFuture {
         let plain = |name: &str, words: &str, rows: Vec<u32>| Part {
             name: name.into(),
             words: words.into(),
+            confidence: None,
             since: None,
             terms: Vec::new(),
             centre: None,

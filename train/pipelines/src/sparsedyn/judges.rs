@@ -2,9 +2,8 @@
 //! are fitted to them: poses err together by a pixel, and a right law with numbers from the poses looks as wrong as
 //! another.
 
-use burn::module::Module;
 use gs_burn::adam::AdamRate;
-use gs_burn::{Gaussians, NamedGradients, render};
+use gs_burn::{Gaussians, render};
 use gs_datasets::View;
 use gs_models::sparsedyn::bodies::{Bodies, Body};
 
@@ -20,9 +19,8 @@ const TIMES: usize = 5;
 /// Times to whose photos a law's numbers are fitted: every third frame of a recording as long as the paper's.
 const TIMES_FITTED: usize = 16;
 
-/// Updates of a law's numbers before photos judge it, and their learning rates at the first and the last, in units of
-/// lengths of a body's span and radians. Together they reach 0.08, some pixels. After 40 updates two laws of 22 were
-/// wrong, after 60 one.
+/// Updates of a law's numbers before photos judge it, and their learning rates at the first and the last, in the unit
+/// of lengths of the bodies and in radians. Together they reach 0.08, some pixels.
 const UPDATES: usize = 60;
 const RATES: [f64; 2] = [4e-3, 2e-4];
 
@@ -93,39 +91,40 @@ impl<'a> Judges<'a> {
         members: &[usize],
         bodies: impl Iterator<Item = Body>,
     ) -> Vec<Option<f64>> {
-        self.errors(&bodies.map(|body| self.with(model, members, body)).collect::<Vec<_>>())
+        let known = known(model);
+        self.errors(&bodies.map(|body| self.with(&known, model, members, body)).collect::<Vec<_>>())
     }
 
-    /// `model` with its moving Gaussians `members` in `body`, its last one.
-    fn with(&self, model: &Sparsedyn, members: &[usize], body: Body) -> Sparsedyn {
-        let mut all = model.bodies.as_ref().map(Bodies::all).unwrap_or_default();
+    /// `model`, whose bodies are `known`, with its moving Gaussians `members` in `body`, its last one.
+    fn with(&self, known: &[Body], model: &Sparsedyn, members: &[usize], body: Body) -> Sparsedyn {
         let mut model = model.clone();
-        members.iter().for_each(|i| model.frame.labels[*i] = all.len() as i32);
-        all.push(body);
-        model.with_all(&all, &self.gaussians.device())
+        members.iter().for_each(|i| model.frame.labels[*i] = known.len() as i32);
+        model.with_all(&[known, &[body]].concat(), &self.gaussians.device())
     }
 
-    /// `body` of the Gaussians `members`, its law's numbers after [`UPDATES`] updates by these photos;
-    /// as it was where an update is not finite.
+    /// The scene at a time.
+    fn moved(&self, model: &Sparsedyn, time: f64) -> Gaussians {
+        let moved = model.moved(&model.first_positions(self.gaussians), &[time]).remove(0);
+        model.placed(self.gaussians, &moved)
+    }
+
+    /// `body` of the Gaussians `members`, its law's numbers after [`UPDATES`] updates by these photos; as it was where
+    /// an update is not finite.
     pub fn refined(&self, model: &Sparsedyn, members: &[usize], body: Body) -> Body {
-        let mut training = Training::new(self.with(model, members, body.clone()));
+        let device = self.gaussians.device();
+        let mut training = Training::new(self.with(&known(model), model, members, body.clone()));
         for update in 1..=UPDATES {
             let (time, photos) = &self.photos[((GOLDEN * update as f64).fract() * self.photos.len() as f64) as usize];
             let view = photos[update % photos.len()];
-            let device = self.gaussians.device();
-            let tracked = training.module().clone().train();
-            let moved = tracked.moved(&tracked.first_positions(self.gaussians), &[*time]).remove(0);
-            let image = render(&tracked.placed(self.gaussians, &moved), &camera(view, &device), &self.options).color;
-            let difference = (image - colors_of(view, &device)).abs();
-            let loss = mask_of(view, &device).map_or(difference.clone(), |mask| difference * mask).mean();
-            let mut graph = loss.backward();
-            let gradients = NamedGradients::take(&tracked, &mut graph);
-            drop(tracked);
+            let loss = |model: &Sparsedyn| {
+                let image = render(&self.moved(model, *time), &camera(view, &device), &self.options).color;
+                let difference = (image - colors_of(view, &device)).abs();
+                mask_of(view, &device).map_or(difference.clone(), |mask| difference * mask).mean()
+            };
             let rate = AdamRate::new(exponential(RATES[0], RATES[1], update, UPDATES));
-            training.update(gradients, |path| (path == "bodies.numbers").then_some(rate));
+            training.descend(loss, |path| (path == "bodies.numbers").then_some(rate));
         }
-        let all = training.module().bodies.as_ref().map(Bodies::all).unwrap_or_default();
-        all.into_iter().last().filter(|refined| refined.values.0.iter().all(|x| x.is_finite())).unwrap_or(body)
+        known(training.module()).pop().filter(|refined| refined.values.0.iter().all(|x| x.is_finite())).unwrap_or(body)
     }
 
     /// The mean squared difference of each model's renderings from the photos, 0 to 1, where these count and two of the
@@ -134,11 +133,7 @@ impl<'a> Judges<'a> {
         let mut sums = vec![0.0; models.len()];
         let mut count = 0.0;
         for (time, photos) in &self.photos {
-            let moved = |model: &Sparsedyn| {
-                let moved = model.moved(&model.first_positions(self.gaussians), &[*time]).remove(0);
-                model.placed(self.gaussians, &moved)
-            };
-            let scenes: Vec<Gaussians> = models.iter().map(moved).collect();
+            let scenes: Vec<Gaussians> = models.iter().map(|model| self.moved(model, *time)).collect();
             for view in photos {
                 let camera = camera(view, &self.gaussians.device());
                 let drawn: Vec<Vec<f32>> =
@@ -155,6 +150,11 @@ impl<'a> Judges<'a> {
         let mean = |sum: f64| if sum.is_finite() { sum / count } else { f64::INFINITY };
         sums.into_iter().map(|sum| (count > 0.0).then(|| mean(sum))).collect()
     }
+}
+
+/// The bodies of a model.
+fn known(model: &Sparsedyn) -> Vec<Body> {
+    model.bodies.as_ref().map(Bodies::all).unwrap_or_default()
 }
 
 /// Whether two images differ in a value by more than [`SAME`].
@@ -204,11 +204,10 @@ mod tests {
             Body::of(BodyFrame::of([0.0, 0.0, 4.0], Law::of(&[Term::Velocity]), 0.0), values)
         };
         let mut judges = Judges { gaussians: &gaussians, photos: Vec::new(), options: RenderOptions::default() };
-        let (truth, mut views) = (judges.with(&model, &members, moving(0.4)), Vec::new());
+        let (truth, mut views) = (judges.with(&[], &model, &members, moving(0.4)), Vec::new());
         for time in [0.25, 0.5, 0.75, 1.0] {
             let mut view = View::blank(48, 48);
-            let moved = truth.moved(&truth.first_positions(&gaussians), &[time]).remove(0);
-            let drawn = render(&truth.placed(&gaussians, &moved), &camera(&view, &device), &judges.options).color;
+            let drawn = render(&judges.moved(&truth, time), &camera(&view, &device), &judges.options).color;
             view.image.data = to_host(drawn).iter().map(|x| (255.0 * x).round().clamp(0.0, 255.0) as u8).collect();
             views.push((time, view));
         }

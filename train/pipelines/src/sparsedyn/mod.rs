@@ -9,12 +9,13 @@
 //! | 4.1 the baselines, from the same prior | [`motion`] |
 //! | beyond the paper: recordings in any unit of time | [`clock`] |
 //! | beyond the paper: only what moves is integrated | [`evidence`] |
-//! | beyond the paper: rigid bodies and their laws | [`discover`], `laws` |
+//! | beyond the paper: rigid bodies and their laws | [`discover`], `laws`, `choice` |
 //! | when Gaussians are added and removed | [`count`] |
 //! | measuring against the truth of synthetic worlds | [`figures`] |
 //! | beyond the paper: parts, an ensemble and other steps for the future | [`future`] |
 
 pub mod begin;
+mod choice;
 pub mod clock;
 pub mod config;
 pub mod count;

@@ -122,12 +122,6 @@ impl Frame {
         }
     }
 
-    /// The motion of a body in words, with how sure its kind of law is.
-    pub fn words_and_confidence(&self, body: &BodyFrame) -> String {
-        let sure = body.confidence.map(|share| format!(", {:.0} % sure", 100.0 * share));
-        self.words(body) + &sure.unwrap_or_default()
-    }
-
     /// The time that bodies were seen in, and the size of their tables.
     pub fn bodies_span(&self) -> Span {
         Span { times: self.span, knots: self.knots, length: self.length }

@@ -19,9 +19,9 @@ const SOURCE_LINES: [(&str, usize); 15] = [
     ("models", 12_515),
     ("tests/lab", 6_170),
     ("tests/shaders", 1_870),
-    ("train", 11_205),
+    ("train", 11_220),
     ("train/pipelines", 13_335),
-    ("train/program", 9_010),
+    ("train/program", 9_015),
 ];
 
 /// Lines of tests in all crates.

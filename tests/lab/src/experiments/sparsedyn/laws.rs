@@ -35,7 +35,7 @@ const CAMERAS: (usize, usize) = (8, 3);
 /// A law that holds from this time on holds all the time: three frames, by which the first positions may be off.
 const UNCHANGED: f64 = 0.05;
 
-/// What is said of a body that none of the model's is.
+/// The words for a planted body that none of the model's bodies is.
 const NONE: &str = "no body";
 
 pub fn run(lab: &Lab, found: &mut Findings) -> Result<()> {

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::Work;
 use super::plan::Files;
 use crate::commands::print;
-use gs_train::fit::extrapolation::{Extrapolation, Part};
+use gs_train::fit::extrapolation::{Extrapolation, Part, with_confidence};
 use gs_train::fit::parameters::rows_of;
 use gs_train::run::outputs::{self, MARK, write_json};
 use gs_train::run::scene::write_ply;
@@ -26,6 +26,9 @@ pub struct PartFigures {
     pub gaussians: usize,
     /// Its motion in words.
     pub law: String,
+    /// How sure the kind of its law is, 0 to 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<f32>,
     /// The terms of its law: scene units, radians and the data set's unit of time, since the first time seen.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub terms: BTreeMap<String, Vec<f64>>,
@@ -52,14 +55,16 @@ impl Work<'_> {
             name: part.name.clone(),
             gaussians: part.rows.len(),
             law: part.words.clone(),
+            confidence: part.confidence,
             terms: part.terms.iter().cloned().collect(),
             centre: part.centre.map(|centre| (centre + origin).to_array()),
         };
         let figures: Vec<PartFigures> = parts.iter().map(described).collect();
         for part in &parts {
-            print(format!("{}: {}, {}", part.name, counted(part.rows.len(), "Gaussian"), part.words));
-            let (asked, seen) = (self.args.to - self.span[1], self.span[1] - part.since.unwrap_or(self.span[0]));
-            if part.since.is_some() && asked > seen {
+            let words = with_confidence(&part.words, part.confidence);
+            print(format!("{}: {}, {words}", part.name, counted(part.rows.len(), "Gaussian")));
+            let (asked, seen) = (self.args.to - self.span[1], part.since.map(|since| self.span[1] - since));
+            if let Some(seen) = seen.filter(|seen| asked > *seen) {
                 print(format!("{}: its law was seen for {seen:.3}, and is asked for {asked:.3} more", part.name));
             }
         }
