@@ -5,7 +5,7 @@ use gs_burn::glam::{DMat3, DQuat, DVec3};
 use super::basis::{EVEN, MOTION, free};
 use super::law::{BodyPose, Law, LawValues, Term, even, fading};
 use super::least_squares::{damped, linear};
-use super::motion::Span;
+use super::motion::{Body, Span};
 
 /// A fitted law.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,6 +75,9 @@ const DAMPING_MOST: f64 = 10.0;
 /// by two terms of that scale. A block that falls and turns is nearly one that turns about a point off its
 /// middle without falling.
 const RARE: f64 = 20.0;
+
+/// Samples of a motion for each of its functions of time, to which these are fitted.
+const SAMPLES_A_KNOT: usize = 4;
 
 /// Markers of a body: four points that determine a pose, in sizes of the body from its centre.
 pub const MARKERS: [DVec3; 4] = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
@@ -150,6 +153,34 @@ pub fn fit_free(poses: &Poses, span: &Span) -> Vec<[f64; MOTION]> {
     let shifts = linear(&columns, &shifts);
     let six = |(shift, turn): (&DVec3, &DVec3)| [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z];
     shifts.iter().zip(even.iter().chain(&spline)).map(six).collect()
+}
+
+/// The free motion of `body` until the time `until`, and from there on an even one, by its last knot before.
+///
+/// Functions of time that were learned from seen frames say anything of later ones: a swing's acceleration goes on after
+/// it was let go, and the spline then has to undo it within the few steps in which a frame is among the newest.
+pub fn even_after(body: &Body, span: &Span, until: f64) -> Vec<[f64; MOTION]> {
+    let [begin, end] = span.times;
+    let knot = (end - begin) / span.knots.max(1) as f64;
+    let from = (until - knot).max(begin);
+    if from >= until {
+        return body.free.clone();
+    }
+    let [before, last] = [from, until].map(|time| body.pose(span, time));
+    let turn = (last.rotation * before.rotation.inverse()).to_scaled_axis() / (until - from);
+    let shift = (last.centre - before.centre) / (until - from);
+    let pose = |time: f64| match time - until {
+        beyond if beyond > 0.0 => {
+            let rotation = DQuat::from_scaled_axis(turn * beyond) * last.rotation;
+            BodyPose { rotation, centre: last.centre + shift * beyond }
+        }
+        _ => body.pose(span, time),
+    };
+    let count = SAMPLES_A_KNOT * span.columns();
+    let times = (0..=count).map(|k| (end - begin) * k as f64 / count as f64);
+    let poses = times.map(|s| (s, pose(begin + s))).collect();
+    let first = DVec3::from_array(body.frame.centre);
+    fit_free(&Poses { first, size: 0.0, poses, independent: 1.0, noise: 0.0 }, span)
 }
 
 /// Sum of squared coordinates of the markers' misfits, scene units squared.
@@ -358,6 +389,7 @@ fn refine(poses: &Poses, law: Law, values: LawValues) -> (LawValues, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sparsedyn::bodies::BodyFrame;
 
     fn poses(values: &LawValues, frames: usize, noise: f64) -> Poses {
         let first = DVec3::new(0.3, -0.2, 0.5);
@@ -432,6 +464,32 @@ mod tests {
             let reaches = chosen.deviation < 3.0 * 2e-3 && chosen.law.freedom() <= law.freedom();
             assert!(same || reaches, "{} was taken for {}", law.in_words(), chosen.law.in_words());
         }
+    }
+
+    #[test]
+    fn a_motion_goes_on_evenly_after_what_was_seen() {
+        let span = Span { times: [0.0, 0.75], knots: 14, length: 1.0 };
+        let law = Law::of(&[Term::Swing, Term::Oscillation, Term::Pivot]);
+        let swing = poses(&values(law), 46, 0.0);
+        let frame = BodyFrame::of(swing.first.to_array(), Law::of(&[]), span.times[1]);
+        let mut body = Body { free: fit_free(&swing, &span), ..Body::of(frame, LawValues::REST) };
+        let before = body.clone();
+        let until = 0.4;
+        body.free = even_after(&body, &span, until);
+        let at = |body: &Body, time: f64| body.pose(&span, time);
+        let apart = |a: BodyPose, b: BodyPose| a.centre.distance(b.centre) + a.rotation.angle_between(b.rotation);
+        for frame in 0..46 {
+            let time = f64::from(frame) / 60.0;
+            let evenly = at(&body, until).centre
+                + (at(&body, until).centre - at(&body, until - 0.01).centre) * 100.0 * (time - until);
+            if time <= until - 0.05 {
+                assert!(apart(at(&body, time), at(&before, time)) < 2e-3, "{time}");
+            } else if time > until {
+                assert!(at(&body, time).centre.distance(evenly) < 0.02, "{time}");
+            }
+        }
+        // The swing went on otherwise.
+        assert!(apart(at(&body, 0.75), at(&before, 0.75)) > 0.2);
     }
 
     #[test]

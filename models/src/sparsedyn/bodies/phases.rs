@@ -2,7 +2,7 @@
 
 use gs_burn::glam::{DQuat, DVec3};
 
-use super::fit::{Fitted, Poses, compare_laws, select_law};
+use super::fit::{Fitted, Poses, compare_laws, fit_law, select_law};
 use super::law::{BodyPose, Law};
 
 /// Fewest poses that a law is fitted to: a third of them is foreseen from the others.
@@ -23,7 +23,7 @@ pub struct Phase {
     pub poses: Poses,
     /// The law.
     pub fitted: Fitted,
-    /// The cost of the poses before the change, which a free motion says without an error, and of those behind it by
+    /// The cost of the poses before the change, at rest or by a free motion without an error, and of those behind it by
     /// the law, in twice the negative logarithm of the likelihood; lower is better.
     pub cost: f64,
 }
@@ -43,7 +43,8 @@ fn of(poses: &Poses, laws: &[Law], from: usize) -> Vec<Phase> {
     let own = settled(suffix(poses, from), laws, from);
     let all = 6.0 * poses.independent.max(1.0);
     let free = all * from as f64 / poses.poses.len().max(1) as f64;
-    let before = free * ((poses.noise * poses.noise).max(f64::MIN_POSITIVE).ln() + all.ln());
+    let freely = free * ((poses.noise * poses.noise).max(f64::MIN_POSITIVE).ln() + all.ln());
+    let before = at_rest(poses, from).map_or(freely, |cost| cost.min(freely));
     // What is foreseen of the last third of all poses and of these counts alike.
     let whole = poses.poses.len() as f64 / own.poses.len().max(1) as f64;
     let phase = |fitted: Fitted| Phase {
@@ -53,6 +54,17 @@ fn of(poses: &Poses, laws: &[Law], from: usize) -> Vec<Phase> {
         cost: before + fitted.bic + fitted.surprise * whole,
     };
     compare_laws(&own, laws).into_iter().map(phase).collect()
+}
+
+/// The cost of the poses before pose `from` of a body that rests until then, which has no number. (The best of all laws
+/// in its place divided what swings into two laws, each of which took a part of the poses' common error.)
+fn at_rest(poses: &Poses, from: usize) -> Option<f64> {
+    if from < FEWEST {
+        return None;
+    }
+    let share = from as f64 / poses.poses.len() as f64;
+    let own = Poses { poses: poses.poses[..from].to_vec(), independent: poses.independent * share, ..poses.clone() };
+    fit_law(&own, Law::of(&[])).map(|fitted| fitted.bic)
 }
 
 /// The poses from `from` on, as of a body that begins there.
@@ -112,7 +124,7 @@ mod tests {
     use super::*;
     use crate::sparsedyn::bodies::basis;
     use crate::sparsedyn::bodies::fit::fit_free;
-    use crate::sparsedyn::bodies::{LawValues, Span, Term};
+    use crate::sparsedyn::bodies::{Body, BodyFrame, LawValues, Span, Term};
 
     const FLIGHT: Law = Law::of(&[Term::Velocity, Term::Acceleration, Term::Spin]);
 
@@ -159,6 +171,29 @@ mod tests {
         let whole = phases(&pushed(0, 1e-4), &Law::ALL).into_iter().next().expect("a phase");
         assert_eq!((whole.fitted.law, whole.from), (FLIGHT, 0));
         assert!(phases(&Poses { poses: Vec::new(), ..pushed(0, 0.0) }, &Law::ALL).is_empty());
+    }
+
+    /// A block that rests for 30 of 45 frames and then turns about a fixed axis, as a spline of few knots followed it:
+    /// bent before the push, so that an accelerated rotation which began earlier says as much.
+    #[test]
+    fn what_rests_until_it_is_pushed_has_the_law_behind_the_push() {
+        let mut turn = LawValues::REST;
+        turn.set(Term::Spin, DVec3::new(-1.5, 0.0, 0.0));
+        turn.set(Term::Pivot, DVec3::new(0.0, 0.1, 0.2));
+        let span = Span { times: [0.0, 44.0 / 59.0], knots: 14, length: 1.0 };
+        let rest = pushed(0, 0.0);
+        let pose = |frame: usize| {
+            let s = frame as f64 / 59.0;
+            (s, turn.pose(rest.first, (s - 30.0 / 59.0).max(0.0)))
+        };
+        let exact = Poses { poses: (0..45).map(pose).collect(), ..rest };
+        let frame = BodyFrame::of(exact.first.to_array(), Law::of(&[]), span.times[1]);
+        let body = Body { free: fit_free(&exact, &span), ..Body::of(frame, LawValues::REST) };
+        let followed = |(s, _): &(f64, BodyPose)| (*s, body.pose(&span, *s));
+        let poses = Poses { poses: exact.poses.iter().map(followed).collect(), ..exact };
+        let best = phases(&poses, &Law::ALL).into_iter().next().expect("a phase");
+        assert_eq!(best.fitted.law, Law::of(&[Term::Spin, Term::Pivot]), "from {}", best.from);
+        assert!((28..=34).contains(&best.from), "from {}", best.from);
     }
 
     /// The free motion before a law leads to the pose with which the law begins.

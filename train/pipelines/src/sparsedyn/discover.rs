@@ -9,7 +9,7 @@ use gs_burn::glam::DVec3;
 use gs_datasets::View;
 use gs_models::sparsedyn::Phase;
 use gs_models::sparsedyn::bodies::basis::MOTION;
-use gs_models::sparsedyn::bodies::fit::{Fitted, Poses, fit_law};
+use gs_models::sparsedyn::bodies::fit::{Fitted, Poses, even_after, fit_law};
 use gs_models::sparsedyn::bodies::parts::divided;
 use gs_models::sparsedyn::bodies::{Bodies, Body, BodyFrame, Law, LawValues, NodeFrame, Term};
 
@@ -31,6 +31,10 @@ const EXAMINATIONS: usize = 8;
 
 /// Gaussians of a node: their photos determine six numbers of it.
 const OF_NODE: usize = 10;
+
+/// Pixels by which a motion differs from an even one, a knot after the last frame seen, to be replaced by it: more than
+/// tracking leaves of a velocity, and less than what loses a body.
+const OTHERWISE_PIXELS: f64 = 3.0;
 
 /// Standard deviation of a node's weight in distances to the nearest node: half way, neighbours weigh alike.
 const NODE_WIDTH: f64 = 0.6;
@@ -54,6 +58,7 @@ pub fn evolved(mut model: Sparsedyn, gaussians: &Gaussians, adam: &mut Adam, vie
     if examinations.contains(&at.step) {
         let is_last = examinations.last() == Some(&at.step);
         model = with_bodies(model, gaussians, adam, views, (at, is_last));
+        model.go_on_evenly(seen_times(at), gaussians);
     }
     if at.step == laws_at(at.config) {
         model = with_laws(model, gaussians, adam, views, at);
@@ -200,6 +205,27 @@ impl Sparsedyn {
         let means: Vec<[f32; 3]> = to_host(gaussians.means.val()).as_chunks().0.to_vec();
         self.frame.rows = may_move(&means, &at.cues.evidence);
         self.frame.labels = vec![-1; self.frame.rows.len()];
+    }
+
+    /// Lets bodies move evenly after the times that are `seen` so far, where their functions of time say otherwise.
+    fn go_on_evenly(&mut self, seen: &[f64], gaussians: &Gaussians) {
+        let (Some(bodies), Some(until)) = (&self.bodies, seen.last()) else { return };
+        if *until >= self.frame.span[1] {
+            return;
+        }
+        let (span, places) = (self.frame.bodies_span(), self.first_places(gaussians));
+        let soon = until + (span.times[1] - span.times[0]) / span.knots as f64;
+        let on = |(index, body): (usize, Body)| {
+            let own = members(&self.frame.labels, index as i32);
+            let centre = DVec3::from_array(body.frame.centre);
+            let even = Body { free: even_after(&body, &span, *until), ..body.clone() };
+            let [a, b] = [&body, &even].map(|body| body.pose(&span, soon));
+            let apart = |i: &usize| a.apply(places[*i], centre).distance(b.apply(places[*i], centre));
+            let farthest = own.iter().map(apart).fold(0.0, f64::max);
+            if farthest > OTHERWISE_PIXELS * self.frame.pixel { even } else { body }
+        };
+        let all: Vec<Body> = bodies.all().into_iter().enumerate().map(on).collect();
+        self.bodies = Some(Bodies::new(&all, span, &gaussians.device()));
     }
 
     /// Makes static what hardly moves while frames are seen.
