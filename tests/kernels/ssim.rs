@@ -7,9 +7,9 @@ use gs_tests::devices::{doubles, everywhere, reference, singles};
 use gs_tests::scenes::Random;
 use gs_tests::tolerance::{FORWARD_F32, FORWARD_F64, assert_near, assert_near_scaled, values};
 
-/// Height, width, channels: single pixels, lines, less than a window, strips, more channels than colours.
-const SHAPES: [[usize; 3]; 8] =
-    [[1, 1, 1], [1, 1, 3], [1, 30, 3], [30, 1, 3], [5, 7, 2], [16, 16, 3], [37, 53, 3], [130, 21, 5]];
+/// Height, width, channels: single pixels, lines, less than a window, areas, more channels than colours.
+const SHAPES: [[usize; 3]; 9] =
+    [[1, 1, 1], [1, 1, 3], [1, 30, 3], [30, 1, 3], [5, 7, 2], [16, 16, 3], [37, 53, 3], [130, 21, 5], [141, 178, 3]];
 
 #[test]
 fn equal_images_are_alike() {

@@ -45,8 +45,9 @@ fn check(image: &Tensor<3>, target: &Tensor<3>) {
     assert_same_dtype("target", target, "image", image);
 }
 
-/// [`l1_ssim`], or with a factor [`photometric_loss`], as an operation. It saves the derivatives of each pixel's SSIM
-/// with respect to the window's mean, mean square and mean product: `[3, H, W, C]`, on a GPU three tensors `[H, W, C]`.
+/// [`l1_ssim`], or with a factor [`photometric_loss`], as an operation. On the CPU it saves the gradient of SSIM with
+/// respect to the image, `[H, W, C]`; on a GPU the derivatives of each pixel's SSIM with respect to the window's mean, mean
+/// square and mean product, three tensors `[H, W, C]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Comparison {
     /// The factor of the loss, if the result is one: `(1 - dssim) terms[0] + dssim (1 - terms[1])`.
@@ -71,31 +72,32 @@ impl Comparison {
     }
 }
 
-/// Both terms `[2]`, and the maps for the backward pass.
-fn compare<B: HostBackend>(image: &FloatTensor<B>, target: &FloatTensor<B>) -> [FloatTensor<B>; 2] {
+/// Both terms `[2]`, and SSIM's gradient by the image for the backward pass.
+fn compare<B: HostBackend>(
+    image: &FloatTensor<B>,
+    target: &FloatTensor<B>,
+    tracked: bool,
+) -> (FloatTensor<B>, Option<FloatTensor<B>>) {
     let [height, width, channels] = image.shape().dims();
     with_float!(*image, F => {
-        let result = cpu::forward::<F>(image.elements(), target.elements(), width, height, channels);
-        let terms = float_tensor::<B>(vec![result.l1, result.ssim], [2]);
-        [terms, float_tensor::<B>(result.saved, [3, height, width, channels])]
+        let result = cpu::forward::<F>(image.elements(), target.elements(), width, height, channels, tracked);
+        let gradient = || float_tensor::<B>(result.gradient, [height, width, channels]);
+        (float_tensor::<B>(vec![result.l1, result.ssim], [2]), tracked.then(gradient))
     })
 }
 
-/// Gradient with respect to `image` `[H, W, C]`, from `v_terms` `[2]`.
+/// Gradient with respect to `image` `[H, W, C]`, from that of SSIM and `v_terms` `[2]`.
 fn by_image<B: HostBackend>(
     image: FloatTensor<B>,
     target: FloatTensor<B>,
-    saved: FloatTensor<B>,
+    mut gradient: FloatTensor<B>,
     v_terms: &FloatTensor<B>,
 ) -> FloatTensor<B> {
-    let [height, width, channels] = image.shape().dims();
     with_float!(image, F => {
         let v_terms: &[F] = v_terms.elements();
-        let v_image = cpu::backward::<F>(
-            image.elements(), target.elements(), saved.elements(), width, height, channels, v_terms[0], v_terms[1],
-        );
-        float_tensor::<B>(v_image, [height, width, channels])
-    })
+        cpu::backward::<F>(image.elements(), target.elements(), gradient.elements_mut(), v_terms[0], v_terms[1]);
+    });
+    gradient
 }
 
 impl Operation<2> for Comparison {
@@ -105,9 +107,9 @@ impl Operation<2> for Comparison {
         &self,
         [image, target]: [FloatTensor<B>; 2],
         []: [IntTensor<B>; 0],
-        _: bool,
+        tracked: bool,
     ) -> Output<B> {
-        let [terms, maps] = compare::<B>(&image, &target);
+        let (terms, gradient) = compare::<B>(&image, &target, tracked);
         let tensor = match self.dssim {
             None => terms,
             Some(dssim) => with_float!(terms, F => {
@@ -115,7 +117,7 @@ impl Operation<2> for Comparison {
                 float_tensor::<B>(vec![(1.0 - dssim) * terms[0] + dssim * (1.0 - terms[1])], [1])
             }),
         };
-        Output { tensor, saved: Tensors::of_floats([maps]) }
+        Output { tensor, saved: gradient.map_or_else(Tensors::none, |gradient| Tensors::of_floats([gradient])) }
     }
 
     fn backward<B: HostBackend>(
@@ -131,11 +133,9 @@ impl Operation<2> for Comparison {
                 float_tensor::<B>(vec![(1.0 - dssim) * v[0], -dssim * v[0]], [2])
             }),
         };
-        let (inputs, ([maps], [])) = (state.inputs(), state.saved.into_arrays());
-        let swapped = |target, image| {
-            let [_, maps] = compare::<B>(&target, &image);
-            maps
-        };
-        Self::by_both(inputs, maps, wanted, swapped, |image, target, maps| by_image::<B>(image, target, maps, &v_terms))
+        let (inputs, ([gradient], [])) = (state.inputs(), state.saved.into_arrays());
+        let swapped = |target, image| compare::<B>(&target, &image, true).1.expect("a gradient was asked for");
+        let by_image = |image, target, gradient| by_image::<B>(image, target, gradient, &v_terms);
+        Self::by_both(inputs, gradient, wanted, swapped, by_image)
     }
 }
