@@ -4,7 +4,7 @@ use gs_burn::glam::{DMat3, DQuat, DVec3};
 
 use super::basis::{EVEN, MOTION, free};
 use super::law::{BodyPose, Law, LawValues, Term, even, fading};
-use super::least_squares::{damped, linear};
+use super::least_squares::{damped, descent, linear};
 use super::motion::{Body, Span};
 
 /// A fitted law.
@@ -56,8 +56,8 @@ pub struct Poses {
     pub noise: f64,
 }
 
-/// Steps of Levenberg and Marquardt's method; laws of one oscillation converge in about 15.
-const ITERATIONS: usize = 40;
+/// Share of the misfit by which a step towards the best numbers must gain to go on.
+const CONVERGED: f64 = 1e-10;
 
 /// Least share of a period over the poses of what goes to and fro: less of one is not told from an even acceleration.
 const PERIODS_LEAST: f64 = 0.3;
@@ -340,50 +340,13 @@ fn joined(sine: DVec3, cosine: DVec3) -> (DVec3, f64) {
     (direction * a.hypot(b), b.atan2(a))
 }
 
-/// Levenberg and Marquardt's method over the law's own numbers, with derivatives by differences.
+/// The law's own numbers where the misfit is least, from `values` on, and that misfit.
 fn refine(poses: &Poses, law: Law, values: LawValues) -> (LawValues, f64) {
     let duration = poses.poses.iter().fold(0.0_f64, |most, (s, _)| most.max(s.abs()));
-    let mut values = law.constrained(values, duration);
-    let free: Vec<usize> = law.mask().iter().enumerate().filter(|(_, on)| **on > 0.0).map(|(index, _)| index).collect();
-    let mut sum = misfit(poses, &values);
-    let mut damping = 1e-3;
-    for _ in 0..ITERATIONS {
-        if free.is_empty() || sum == 0.0 {
-            break;
-        }
-        let base = residuals(poses, &values);
-        let columns: Vec<Vec<f64>> = free
-            .iter()
-            .map(|index| {
-                let mut moved = values;
-                let h = 1e-6 * moved.0[*index].abs().max(1.0);
-                moved.0[*index] += h;
-                let moved = law.constrained(moved, duration);
-                residuals(poses, &moved).iter().zip(&base).map(|(after, before)| (after - before) / h).collect()
-            })
-            .collect();
-        let Some(change) = damped(&columns, &base, damping) else { break };
-        let mut next = values;
-        for (index, change) in free.iter().zip(&change) {
-            next.0[*index] -= change;
-        }
-        let next = law.constrained(next, duration);
-        let after = misfit(poses, &next);
-        if after < sum {
-            let gain = 1.0 - after / sum;
-            (values, sum) = (next, after);
-            damping = (0.3 * damping).max(1e-12);
-            if gain < 1e-10 {
-                break;
-            }
-        } else {
-            damping *= 10.0;
-            if damping > 1e9 {
-                break;
-            }
-        }
-    }
-    (values, sum)
+    let held = |numbers: Vec<f64>| law.free_numbers(&law.constrained(law.with_free(&numbers), duration));
+    let of = |numbers: &[f64]| residuals(poses, &law.with_free(numbers));
+    let values = law.with_free(&descent(law.free_numbers(&values), held, of, CONVERGED));
+    (values, misfit(poses, &values))
 }
 
 #[cfg(test)]

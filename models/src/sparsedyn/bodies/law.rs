@@ -148,6 +148,19 @@ impl Law {
         mask
     }
 
+    /// The numbers of `values` that the law has.
+    pub(super) fn free_numbers(self, values: &LawValues) -> Vec<f64> {
+        values.0.iter().zip(self.mask()).filter(|(_, on)| *on > 0.0).map(|(x, _)| *x).collect()
+    }
+
+    /// The values of which these are the [`free_numbers`](Self::free_numbers).
+    pub(super) fn with_free(self, numbers: &[f64]) -> LawValues {
+        let mut values = LawValues::REST;
+        let own = values.0.iter_mut().zip(self.mask()).filter(|(_, on)| *on > 0.0);
+        own.zip(numbers).for_each(|((value, _), x)| *value = *x);
+        values
+    }
+
     /// Numbers that the law is free to choose: a shift of the pivot along the axis of a rotation changes nothing, and
     /// one axis takes two numbers from the second of two parallel vectors.
     pub fn freedom(self) -> usize {

@@ -10,6 +10,57 @@ pub(super) fn damped(columns: &[Vec<f64>], residuals: &[f64], damping: f64) -> O
     solve(matrix)
 }
 
+/// Relative step of a derivative by differences: its error is then some 1e-9 of it.
+const DIFFERENCE: f64 = 1e-6;
+
+/// Most steps of [`descent`]: laws of one oscillation converge in about 15.
+const STEPS: usize = 40;
+
+/// Damping of its first step, the least and the most.
+const DAMPING: [f64; 3] = [1e-3, 1e-12, 1e9];
+
+/// Levenberg and Marquardt's method, derivatives by differences: `numbers` moved to where the squares of `residuals`
+/// are least. `held` keeps numbers to what holds between them. It ends when a step gains less than the share
+/// `converged`.
+pub(super) fn descent(
+    numbers: Vec<f64>,
+    held: impl Fn(Vec<f64>) -> Vec<f64>,
+    residuals: impl Fn(&[f64]) -> Vec<f64>,
+    converged: f64,
+) -> Vec<f64> {
+    let squared = |residuals: &[f64]| residuals.iter().map(|x| x * x).sum::<f64>();
+    let mut numbers = held(numbers);
+    let mut base = residuals(&numbers);
+    let [mut damping, least, most] = DAMPING;
+    for _ in 0..STEPS {
+        let sum = squared(&base);
+        if numbers.is_empty() || sum == 0.0 || damping > most {
+            break;
+        }
+        let column = |k: usize| -> Vec<f64> {
+            let mut moved = numbers.clone();
+            let h = DIFFERENCE * moved[k].abs().max(1.0);
+            moved[k] += h;
+            residuals(&held(moved)).iter().zip(&base).map(|(after, before)| (after - before) / h).collect()
+        };
+        let columns: Vec<Vec<f64>> = (0..numbers.len()).map(column).collect();
+        let Some(change) = damped(&columns, &base, damping) else { break };
+        let next = held(numbers.iter().zip(change).map(|(x, by)| x - by).collect());
+        let after = residuals(&next);
+        let left = squared(&after);
+        if left < sum {
+            (numbers, base) = (next, after);
+            damping = (0.3 * damping).max(least);
+            if 1.0 - left / sum < converged {
+                break;
+            }
+        } else {
+            damping *= 10.0;
+        }
+    }
+    numbers
+}
+
 /// Rows `w_k` of which `x_k = w_k r` is that solution for any `r`: for many of them.
 pub(super) fn solver(columns: &[Vec<f64>], damping: f64) -> Option<Vec<Vec<f64>>> {
     let matrix = normal(columns, damping);

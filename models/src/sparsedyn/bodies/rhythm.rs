@@ -3,7 +3,7 @@
 //! A body that bends goes to and fro: a wave along it, a wing, a swimmer's tail have few rates, and each place of it
 //! its own amplitudes and phases.
 
-use super::least_squares::{damped, dot, solver};
+use super::least_squares::{descent, dot, solver};
 
 /// Rates tried for each new oscillation.
 const TRIED: usize = 64;
@@ -14,10 +14,7 @@ const PERIODS_LEAST: f64 = 0.4;
 /// Frames of the shortest period.
 const FRAMES_LEAST: f64 = 6.0;
 
-/// Steps of the search for the rates: it converges in about ten.
-const ITERATIONS: usize = 30;
-
-/// Share of the misfit by which a step of it must gain to go on.
+/// Share of the misfit by which a step of the search for the rates must gain to go on.
 const CONVERGED: f64 = 1e-6;
 
 /// Share of a column's square that is added to it while rates are looked for: more would bend them.
@@ -25,9 +22,6 @@ const SEARCH_RIDGE: f64 = 1e-4;
 
 /// Factor by which a periodic motion may leave more than free rates: it has one rate, which a short time tells better.
 const PERIODIC: f64 = 1.3;
-
-/// Step of a derivative by the logarithm of a rate: its error is then some 1e-9 of it.
-const DIFFERENCE: f64 = 1e-6;
 
 /// Oscillations of several quantities.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -43,10 +37,7 @@ impl Rhythm {
     /// rows of `data`: a periodic motion (one rate and its multiples) where that leaves hardly more than free rates.
     /// Beside them each quantity may move by a polynomial of order `drift`, which is left out.
     pub fn fit(s: &[f64], data: &[Vec<f64>], count: usize, drift: usize) -> Self {
-        let span = s.last().copied().unwrap_or(0.0).max(f64::MIN_POSITIVE);
-        let least = PERIODS_LEAST * std::f64::consts::TAU / span;
-        let range = [least, (std::f64::consts::TAU * s.len() as f64 / (FRAMES_LEAST * span)).max(least)];
-        let seen = Seen { s, data, range, drift };
+        let seen = Seen { s, data, range: range(s), drift };
         let mut free: Vec<f64> = Vec::new();
         for _ in 0..count {
             let with = |rate: f64| free.iter().copied().chain([rate]).collect::<Vec<f64>>();
@@ -55,13 +46,21 @@ impl Rhythm {
         let series = |first: &[f64]| (1..=count).flat_map(|k| first.iter().map(move |rate| k as f64 * rate)).collect();
         let periodic = series(&seen.refined(seen.first(|rate| series(&[rate])).into_iter().take(1).collect(), series));
         let is_periodic = count > 1 && seen.misfit(&periodic) <= PERIODIC * seen.misfit(&free);
-        let rates = if is_periodic { periodic } else { free };
+        Self::of_rates(&seen, if is_periodic { periodic } else { free })
+    }
+
+    fn of_rates(seen: &Seen, rates: Vec<f64>) -> Self {
         // Less than a period of an oscillation is near an even motion, so that two of them may take large amplitudes
         // against each other: amplitudes are held against the share of the values that they and the drift leave.
-        let all = data.iter().flatten().map(|x| x * x).sum::<f64>().max(f64::MIN_POSITIVE);
+        let all = seen.data.iter().flatten().map(|x| x * x).sum::<f64>().max(f64::MIN_POSITIVE);
         let mut amplitudes = seen.solved(&rates, seen.misfit(&rates) / all);
         amplitudes.iter_mut().for_each(|own| own.truncate(2 * rates.len()));
         Self { rates, amplitudes }
+    }
+
+    /// The oscillations of given rates.
+    pub(super) fn with_rates(s: &[f64], data: &[Vec<f64>], rates: Vec<f64>) -> Self {
+        Self::of_rates(&Seen { s, data, range: range(s), drift: 0 }, rates)
     }
 
     /// The value of each quantity at `s`.
@@ -69,6 +68,13 @@ impl Rhythm {
         let basis = basis(s, &self.rates);
         self.amplitudes.iter().map(|own| dot(own, &basis)).collect()
     }
+}
+
+/// Least and largest rate that the times `s` tell.
+pub(super) fn range(s: &[f64]) -> [f64; 2] {
+    let span = s.last().copied().unwrap_or(0.0).max(f64::MIN_POSITIVE);
+    let least = PERIODS_LEAST * std::f64::consts::TAU / span;
+    [least, (std::f64::consts::TAU * s.len() as f64 / (FRAMES_LEAST * span)).max(least)]
 }
 
 fn basis(s: f64, rates: &[f64]) -> Vec<f64> {
@@ -122,39 +128,44 @@ impl Seen<'_> {
         self.residuals(rates).iter().map(|x| x * x).sum()
     }
 
-    /// Levenberg and Marquardt's method over the logarithms of the numbers of which `rates` makes the rates, the
-    /// amplitudes being the best ones for each (variable projection).
-    fn refined(&self, mut numbers: Vec<f64>, rates: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
-        let [least, most] = self.range;
-        let moved = |numbers: &[f64], change: &[f64]| -> Vec<f64> {
-            numbers.iter().zip(change).map(|(x, by)| (x * (-by).exp()).clamp(least, most)).collect()
-        };
-        let (mut damping, mut base) = (1e-3, self.residuals(&rates(&numbers)));
-        for _ in 0..ITERATIONS {
-            let sum: f64 = base.iter().map(|x| x * x).sum();
-            let column = |k: usize| -> Vec<f64> {
-                let mut change = vec![0.0; numbers.len()];
-                change[k] = -DIFFERENCE;
-                let after = self.residuals(&rates(&moved(&numbers, &change)));
-                after.iter().zip(&base).map(|(after, before)| (after - before) / DIFFERENCE).collect()
-            };
-            let columns: Vec<Vec<f64>> = (0..numbers.len()).map(column).collect();
-            let Some(change) = damped(&columns, &base, damping) else { break };
-            let next = moved(&numbers, &change);
-            let after = self.residuals(&rates(&next));
-            let left: f64 = after.iter().map(|x| x * x).sum();
-            if left < sum {
-                (numbers, base) = (next, after);
-                damping = (0.3 * damping).max(1e-9);
-                if left > (1.0 - CONVERGED) * sum {
-                    break;
-                }
-            } else {
-                damping *= 10.0;
-            }
-        }
-        numbers
+    /// The numbers of which `rates` makes the rates, where least is left, the amplitudes being the best ones for each
+    /// (variable projection).
+    fn refined(&self, numbers: Vec<f64>, rates: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
+        let of = |logs: &[f64]| self.residuals(&rates(&exponentials(logs)));
+        exponentials(&descent(logarithms(&numbers), |logs| held(logs, self.range), of, CONVERGED))
     }
+}
+
+/// The rest of each value after oscillations of given rates.
+pub(super) fn rest(s: &[f64], data: &[Vec<f64>], rates: &[f64]) -> Vec<f64> {
+    Seen { s, data, range: range(s), drift: 0 }.residuals(rates)
+}
+
+/// The rates of a rhythm as numbers to be fitted beside others: their logarithms, of a periodic one that of its first.
+pub(super) fn numbers(rates: &[f64]) -> Vec<f64> {
+    let is_periodic = rates.len() > 1 && rates.iter().enumerate().all(|(k, rate)| *rate == (k + 1) as f64 * rates[0]);
+    logarithms(if is_periodic { &rates[..1] } else { rates })
+}
+
+/// The `count` rates that have these [`numbers`].
+pub(super) fn rates(numbers: &[f64], count: usize) -> Vec<f64> {
+    match numbers {
+        [first] => (1..=count).map(|k| k as f64 * first.exp()).collect(),
+        all => exponentials(all),
+    }
+}
+
+/// Logarithms of rates within `range`.
+pub(super) fn held(logs: Vec<f64>, [least, most]: [f64; 2]) -> Vec<f64> {
+    logs.into_iter().map(|log| log.clamp(least.ln(), most.ln())).collect()
+}
+
+fn logarithms(rates: &[f64]) -> Vec<f64> {
+    rates.iter().map(|rate| rate.ln()).collect()
+}
+
+fn exponentials(logs: &[f64]) -> Vec<f64> {
+    logs.iter().map(|log| log.exp()).collect()
 }
 
 #[cfg(test)]

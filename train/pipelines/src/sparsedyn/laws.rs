@@ -227,6 +227,9 @@ impl<'a> Seen<'a> {
     /// The body `own`, which bends, with its law.
     fn bent(&self, own: &Body, poses: &Poses) -> Body {
         let found = bent(own, poses, &self.model.frame.bodies_span());
+        for (law, oscillations, score) in &found.compared {
+            tracing::debug!(law = law.in_words(), oscillations, score, "a law of a body that bends was compared");
+        }
         tracing::info!(
             step = self.at.step,
             nodes = own.nodes.len(),
