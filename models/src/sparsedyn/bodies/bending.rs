@@ -2,10 +2,10 @@
 
 use gs_burn::glam::DVec3;
 
-use super::basis::{EVEN, MOTION, free};
+use super::basis::MOTION;
 use super::fit::{Poses, fit_law};
 use super::law::{BodyPose, Law, LawValues, Term};
-use super::least_squares::{damped, descent};
+use super::least_squares::descent;
 use super::motion::{Body, BodyFrame, RHYTHMS, Span};
 use super::nodes::NodeFrame;
 use super::rhythm::{self, Rhythm};
@@ -22,9 +22,6 @@ const CONVERGED: f64 = 1e-4;
 
 /// Scores that differ by less are alike: on the scale of BIC 10 is very strong evidence.
 const TIE: f64 = 10.0;
-
-/// Share of a column that keeps columns which are alike apart.
-const SMALL: f64 = 1e-6;
 
 /// Laws of the whole: what goes to and fro is the nodes'.
 const WHOLE: [Law; 6] = [
@@ -58,16 +55,14 @@ pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
     let least = all.iter().map(|one| one.score).fold(f64::INFINITY, f64::min);
     let near = all.into_iter().filter(|one| one.score <= least + TIE);
     let rests = || {
-        let rows = within(&own.nodes, LawValues::REST, poses.first, &seen);
-        let settled = Settled { values: LawValues::REST, rhythm: Rhythm::default(), rows };
+        let settled = Settled { values: LawValues::REST, rhythm: Rhythm::default(), left: f64::INFINITY };
         Candidate { score: 0.0, foreseen: f64::INFINITY, law: Law::of(&[]), settled }
     };
     let chosen = near.min_by_key(|one| numbers(one.law, one.settled.rhythm.rates.len())).unwrap_or_else(rests);
-    let Candidate { foreseen, law, settled: Settled { values, rhythm, rows }, .. } = chosen;
+    let Candidate { foreseen, law, settled: Settled { values, rhythm, .. }, .. } = chosen;
     let rhythms = rhythm.rates.len() as u32;
     let frame = BodyFrame { rhythms, ..BodyFrame::of(poses.first.to_array(), law, span.times[0]) };
-    let rest = rest(&rhythm, &rows, span);
-    let of = |(index, (node, _)): (usize, &(NodeFrame, _))| (node.clone(), columns(&rhythm, &rest, span, node, index));
+    let of = |(index, (node, _)): (usize, &(NodeFrame, _))| (node.clone(), columns(&rhythm, span, node, index));
     let nodes = own.nodes.iter().enumerate().map(of).collect();
     Bent { body: Body { frame, values, free: Vec::new(), rates: rhythm.rates, nodes }, foreseen, compared }
 }
@@ -92,8 +87,8 @@ fn candidates(own: &Body, poses: &Poses, seen: &[(f64, Vec<BodyPose>)]) -> Vec<C
             let settled = |(values, seen)| settled(&own.nodes, poses.first, (law, values), count, seen);
             let (whole, before) = (settled((values, seen)), settled((before, &seen[..known])));
             let late = within(&own.nodes, before.values, poses.first, &seen[known - 1..]);
-            let [left, foreseen] = [apart(&whole.rhythm, &whole.rows), apart(&before.rhythm, &late)];
-            let score = score(poses, law, count, [left, foreseen]);
+            let foreseen = apart(&before.rhythm, &late);
+            let score = score(poses, law, count, [whole.left, foreseen]);
             if score.is_finite() {
                 all.push(Candidate { score, foreseen, law, settled: whole });
             }
@@ -107,11 +102,12 @@ fn candidates(own: &Body, poses: &Poses, seen: &[(f64, Vec<BodyPose>)]) -> Vec<C
     all
 }
 
-/// A law of the whole, oscillations in its frame, and the nodes there.
+/// A law of the whole, and oscillations in its frame.
 struct Settled {
     values: LawValues,
     rhythm: Rhythm,
-    rows: Vec<(f64, Vec<f64>)>,
+    /// Root mean square distance of the nodes from where both have them, scene units.
+    left: f64,
 }
 
 /// The law of the whole, `values` of which the poses say, and `count` oscillations of the nodes in its frame, fitted
@@ -150,7 +146,8 @@ fn settled(
     let others = (1..=drifts).map(end);
     let (_, numbers) = others.fold(end(0), |best, other| if other.0 < best.0 { other } else { best });
     let (values, rates, rows) = parts(&numbers);
-    Settled { values, rhythm: Rhythm::with_rates(&s, &quantities(&rows).1, rates), rows }
+    let rhythm = Rhythm::with_rates(&s, &quantities(&rows).1, rates);
+    Settled { values, left: apart(&rhythm, &rows), rhythm }
 }
 
 /// The criterion by which laws are compared; lower is better: BIC over the seen time, and twice the negative
@@ -204,19 +201,6 @@ fn quantities(rows: &Within) -> (Vec<f64>, Vec<Vec<f64>>) {
     (rows.iter().map(|(s, _)| *s).collect(), (0..count).map(of).collect())
 }
 
-/// For each quantity the steps of a free motion that say what `rhythm` leaves of the seen time.
-fn rest(rhythm: &Rhythm, rows: &Within, span: &Span) -> Vec<Vec<f64>> {
-    let basis: Vec<Vec<f64>> = rows.iter().map(|(s, _)| free(span.times, span.knots, span.times[0] + s)).collect();
-    let column = |k: usize| basis.iter().map(|values| values[EVEN + k]).collect();
-    let columns: Vec<Vec<f64>> = (0..span.knots).map(column).collect();
-    let left: Vec<Vec<f64>> = rows.iter().map(|(s, row)| less(row, &rhythm.at(*s))).collect();
-    let solved = |k: usize| {
-        let values: Vec<f64> = left.iter().map(|row| row[k]).collect();
-        damped(&columns, &values, SMALL).unwrap_or_else(|| vec![0.0; columns.len()])
-    };
-    (0..left.first().map_or(0, Vec::len)).map(solved).collect()
-}
-
 /// Root mean square distance of the nodes from where `rhythm` has them, which goes on from the first of `late`.
 fn apart(rhythm: &Rhythm, late: &Within) -> f64 {
     let Some((start, from)) = late.first() else { return f64::INFINITY };
@@ -231,15 +215,13 @@ fn less(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-/// The motion of a node by function of time: none even, the steps of what is left, then its sines and its cosines.
-fn columns(rhythm: &Rhythm, rest: &[Vec<f64>], span: &Span, node: &NodeFrame, index: usize) -> Vec<[f64; MOTION]> {
+/// The motion of a node by function of time: its sines and its cosines. The free steps beside them begin at zero: what
+/// these said of seen frames the oscillations would not learn from them, and rates would keep the error of the tracking.
+fn columns(rhythm: &Rhythm, span: &Span, node: &NodeFrame, index: usize) -> Vec<[f64; MOTION]> {
     let mut columns = vec![[0.0; MOTION]; span.columns() + 2 * RHYTHMS];
     let (count, waves) = (rhythm.rates.len(), span.columns());
     for k in 0..MOTION {
         let scale = if k < 3 { 1.0 } else { node.width };
-        for (step, x) in rest.get(MOTION * index + k).into_iter().flatten().enumerate() {
-            columns[EVEN + step][k] = x / scale;
-        }
         let Some(own) = rhythm.amplitudes.get(MOTION * index + k) else { continue };
         for rate in 0..count {
             columns[waves + rate][k] = own[rate] / scale;
@@ -253,6 +235,8 @@ fn columns(rhythm: &Rhythm, rest: &[Vec<f64>], span: &Span, node: &NodeFrame, in
 mod tests {
     use gs_burn::glam::DQuat;
 
+    use super::super::basis::free;
+    use super::super::least_squares::damped;
     use super::super::rigid::rigid_motion;
     use super::*;
 
