@@ -46,8 +46,8 @@ fn check(image: &Tensor<3>, target: &Tensor<3>) {
 }
 
 /// [`l1_ssim`], or with a factor [`photometric_loss`], as an operation. On the CPU it saves the gradient of SSIM with
-/// respect to the image, `[H, W, C]`; on a GPU the derivatives of each pixel's SSIM with respect to the window's mean, mean
-/// square and mean product, three tensors `[H, W, C]`.
+/// respect to the image, `[H, W, C]`; on a GPU the derivatives of each pixel's SSIM with respect to the window's mean,
+/// mean square and mean product, three tensors `[H, W, C]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Comparison {
     /// The factor of the loss, if the result is one: `(1 - dssim) terms[0] + dssim (1 - terms[1])`.

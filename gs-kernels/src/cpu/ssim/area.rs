@@ -343,7 +343,8 @@ impl<'a, F: Real, const C: usize> Block<'a, F, C> {
     }
 }
 
-/// The derivatives with respect to `mu_x`, `E_xx`, `E_xy`, and SSIM itself, from the shifted `[mu_s, mu_d, E_ss, E_dd]`.
+/// The derivatives with respect to `mu_x`, `E_xx`, `E_xy`, and SSIM itself, from the shifted `[mu_s, mu_d, E_ss,
+/// E_dd]`.
 #[inline(always)]
 fn similarity<L: Lanes>([ms, md, ss, dd]: [L; 4]) -> [L; 4] {
     let c = |x: f64| L::splat(L::Real::of(x));

@@ -1,19 +1,19 @@
 //! Fused L1 and SSIM (Wang et al. 2004) of two images, and their gradient.
 //!
-//! 11 x 11 Gaussian window `w` (sigma 1.5) applied as two passes of 11 taps, zero padding, per channel, mean over pixels
-//! and channels. SSIM is symmetric in the images, so it is written in their sum `s = x + y` and difference `d = x - y`:
-//! four moments `mu_s`, `mu_d`, `E_ss`, `E_dd` where `x` and `y` have five. With `V_s = E_ss - mu_s^2` and `V_d = E_dd -
-//! mu_d^2`: `A1 = 2 mu_x mu_y + C1`, `A2 = (V_s - V_d) / 2 + C2`, `B1 = mu_x^2 + mu_y^2 + C1`, `B2 = (V_s + V_d) / 2 +
-//! C2`, `SSIM = A1 A2 / (B1 B2)`. The gradient filters SSIM's derivatives by `mu_x`, `E_xx` and `E_xy` once more:
-//! `v_x = w * d_mu + 2 x (w * d_Exx) + y (w * d_Exy)`.
+//! 11 x 11 Gaussian window `w` (sigma 1.5) applied as two passes of 11 taps, zero padding, per channel, mean over
+//! pixels and channels. SSIM is symmetric in the images, so it is written in their sum `s = x + y` and difference
+//! `d = x - y`: four moments `mu_s`, `mu_d`, `E_ss`, `E_dd` where `x` and `y` have five. With `V_s = E_ss - mu_s^2` and
+//! `V_d = E_dd - mu_d^2`: `A1 = 2 mu_x mu_y + C1`, `A2 = (V_s - V_d) / 2 + C2`, `B1 = mu_x^2 + mu_y^2 + C1`,
+//! `B2 = (V_s + V_d) / 2 + C2`, `SSIM = A1 A2 / (B1 B2)`. The gradient filters SSIM's derivatives by `mu_x`, `E_xx` and
+//! `E_xy` once more: `v_x = w * d_mu + 2 x (w * d_Exx) + y (w * d_Exy)`.
 //!
 //! Moments are those of `x - 1/2` (outside the image too, where `x` is 0): variances do not change, and the difference
 //! `E_ss - mu_s^2` loses up to four times less to rounding.
 //!
 //! A task is an area so narrow that the last 11 filtered rows of every map stay in the processor's cache: of whole rows
-//! of a photo they would not. A row is treated as `W C` numbers whose taps are `C` apart, so interleaved channels need no
-//! shuffling. The gradient is computed in the same walk: its maps never reach memory, which costs a fifth more arithmetic
-//! for a quarter of the bytes.
+//! of a photo they would not. A row is treated as `W C` numbers whose taps are `C` apart, so interleaved channels need
+//! no shuffling. The gradient is computed in the same walk: its maps never reach memory, which costs a fifth more
+//! arithmetic for a quarter of the bytes.
 
 mod area;
 

@@ -45,7 +45,7 @@ pub struct Bent {
     pub compared: Vec<(Law, usize, f64)>,
 }
 
-/// The law of the body `own`, whose Gaussians as one rigid body have `poses`: of the laws of its whole and the numbers of
+/// The law of the body `own`, whose Gaussians as one rigid body have `poses`: of the laws of its whole and the counts of
 /// oscillations whose scores are the least but for [`TIE`], those of fewest numbers.
 pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
     let seen: Vec<(f64, Vec<BodyPose>)> =
@@ -113,8 +113,8 @@ struct Settled {
 /// The law of the whole, `values` of which the poses say, and `count` oscillations of the nodes in its frame, fitted
 /// together: in turn each would keep what the first fit of the other left it.
 ///
-/// Poses of a whole that bends go to and fro with it, and over about a period an oscillation is not told from an even or
-/// an accelerated motion. So the search begins with the rates that are found beside each of these, and the best end
+/// Poses of a whole that bends go to and fro with it, and over about a period an oscillation is not told from an even
+/// or an accelerated motion. So the search begins with the rates that are found beside each of these, and the best end
 /// counts.
 fn settled(
     nodes: &[(NodeFrame, Vec<[f64; MOTION]>)],

@@ -15,17 +15,17 @@ const SOURCE_LINES: [(&str, usize); 15] = [
     ("datasets/splats", 4_300),
     ("datasets/worlds", 5_195),
     ("gs-burn", 6_660),
-    ("gs-kernels", 14_345),
-    ("models", 12_555),
+    ("gs-kernels", 14_465),
+    ("models", 12_615),
     ("tests/lab", 6_170),
     ("tests/shaders", 1_870),
     ("train", 11_220),
-    ("train/pipelines", 13_360),
+    ("train/pipelines", 13_365),
     ("train/program", 9_015),
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 42_630;
+const TEST_LINES: usize = 42_635;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [
