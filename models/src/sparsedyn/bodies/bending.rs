@@ -46,7 +46,7 @@ pub struct Bent {
 }
 
 /// The law of the body `own`, whose Gaussians as one rigid body have `poses`: of the laws of its whole and the counts of
-/// oscillations whose scores are the least but for [`TIE`], those of fewest numbers.
+/// oscillations whose scores differ from the least by at most 10, those of fewest numbers.
 pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
     let seen: Vec<(f64, Vec<BodyPose>)> =
         poses.poses.iter().map(|(s, _)| (*s, own.node_poses(span, span.times[0] + s))).collect();
