@@ -216,7 +216,7 @@ fn less(a: &[f64], b: &[f64]) -> Vec<f64> {
 }
 
 /// The motion of a node by function of time: its sines and its cosines. The free steps beside them begin at zero: what
-/// these said of seen frames the oscillations would not learn from them, and rates would keep the error of the tracking.
+/// these say of seen frames the oscillations do not learn, and rates would keep the error of the tracking.
 fn columns(rhythm: &Rhythm, span: &Span, node: &NodeFrame, index: usize) -> Vec<[f64; MOTION]> {
     let mut columns = vec![[0.0; MOTION]; span.columns() + 2 * RHYTHMS];
     let (count, waves) = (rhythm.rates.len(), span.columns());
