@@ -45,8 +45,8 @@ pub struct Bent {
     pub compared: Vec<(Law, usize, f64)>,
 }
 
-/// The law of the body `own`, whose Gaussians as one rigid body have `poses`: of the laws of its whole and the counts of
-/// oscillations whose scores differ from the least by at most 10, those of fewest numbers.
+/// The law of the body `own`, whose Gaussians as one rigid body have `poses`: of the laws of its whole and the counts
+/// of oscillations whose scores differ from the least by at most 10, those of fewest numbers.
 pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
     let seen: Vec<(f64, Vec<BodyPose>)> =
         poses.poses.iter().map(|(s, _)| (*s, own.node_poses(span, span.times[0] + s))).collect();
