@@ -81,6 +81,11 @@ pub trait LaneTask<F: Real> {
 /// Lanes in a vector: the tile's edge, and the pixels of a block.
 pub const LANES: usize = crate::constants::TILE;
 
+/// Lanes in memory, at the start of a cache line: a vector across two lines costs twice as much.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub struct Aligned<F>(pub [F; LANES]);
+
 /// Sixteen lanes of `Real`.
 pub trait Lanes: Copy {
     /// The lane's type.
@@ -135,6 +140,17 @@ pub trait Lanes: Copy {
     #[inline(always)]
     fn sums([a, b, c, d]: [Self; 4]) -> [Self::Real; 4] {
         [a.sum(), b.sum(), c.sum(), d.sum()]
+    }
+
+    /// Lanes from sixteen numbers of `row`, from `at` on.
+    #[inline(always)]
+    fn load_at(row: &[Self::Real], at: usize) -> Self {
+        Self::load(row[at..at + LANES].try_into().expect("sixteen numbers"))
+    }
+    /// Lanes to sixteen numbers of `row`, from `at` on.
+    #[inline(always)]
+    fn store_at(self, row: &mut [Self::Real], at: usize) {
+        self.store((&mut row[at..at + LANES]).try_into().expect("sixteen numbers"));
     }
 
     /// 0, 1, ... 15.

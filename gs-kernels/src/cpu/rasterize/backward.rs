@@ -15,14 +15,14 @@
 use rayon::prelude::*;
 
 use super::gather::{FIXED, RasterizeGradients, gather};
-use super::tile::{Aligned, BLOCKS, FeatureLanes, Inputs, TilePlane, block_and_lane, fresh_transmittance, plane};
+use super::tile::{BLOCKS, FeatureLanes, Inputs, TilePlane, block_and_lane, fresh_transmittance, plane};
 use crate::config::RasterizeConfig;
 use crate::constants::ALPHA_MAX;
 use crate::cpu::Real;
 use crate::cpu::blend::TileGaussian;
 use crate::cpu::intersect::IntersectionSlices;
 use crate::cpu::parallel::{Disjoint, zeros};
-use crate::cpu::real::{LaneTask, Lanes, Number};
+use crate::cpu::real::{Aligned, LaneTask, Lanes, Number};
 use crate::rows::ProjectedRow;
 
 /// Backward of [`super::forward`] from `v_output`, in the shape of its result; pixels outside the image are not read.

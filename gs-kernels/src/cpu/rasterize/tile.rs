@@ -8,7 +8,7 @@ use crate::cpu::Real;
 use crate::cpu::blend::{EDGE, OUTSIDE, TileGaussian};
 use crate::cpu::intersect::IntersectionSlices;
 use crate::cpu::parallel::{CHUNK, prefetch, zeros};
-use crate::cpu::real::{LANES, Lanes};
+use crate::cpu::real::{Aligned, LANES, Lanes};
 use crate::rows::{DEPTH, PROJECTED, ProjectedRow};
 
 /// Largest number of channels that has code of its own, with every accumulator in registers.
@@ -19,11 +19,6 @@ const PREFETCH: usize = 4;
 
 /// Blocks of a tile.
 pub(super) const BLOCKS: usize = EDGE * EDGE;
-
-/// Lanes in memory, at the start of a cache line: a vector across two lines costs twice as much.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
-pub(super) struct Aligned<F>(pub [F; LANES]);
 
 /// One value per pixel of a tile, block by block as in [`crate::cpu::blend::Blocks`].
 pub(super) type TilePlane<F> = [Aligned<F>; BLOCKS];

@@ -106,9 +106,9 @@ fn tile<L: Lanes, const R: usize>(
     let rows: [&[L::Real]; R] = std::array::from_fn(|r| &input[from[r] as usize * inner..][..inner]);
     assert_eq!(weights.len(), inner * LANES, "the weights of sixteen columns");
     let at: [usize; R] = std::array::from_fn(|r| usize::from(to[r]) * wide + first);
-    let mut sums: [L; R] = std::array::from_fn(|r| L::load(lanes(out, at[r])));
+    let mut sums: [L; R] = std::array::from_fn(|r| L::load_at(out, at[r]));
     for (c, w) in weights.chunks_exact(LANES).enumerate() {
-        let w = L::load(lanes(w, 0));
+        let w = L::load_at(w, 0);
         for r in 0..R {
             // SAFETY: `weights` has `inner` vectors, so `c` is below `inner`, the length of every row.
             let x = unsafe { *rows[r].get_unchecked(c) };
@@ -116,12 +116,6 @@ fn tile<L: Lanes, const R: usize>(
         }
     }
     for r in 0..R {
-        sums[r].store((&mut out[at[r]..at[r] + LANES]).try_into().expect("sixteen numbers"));
+        sums[r].store_at(out, at[r]);
     }
-}
-
-/// Sixteen numbers from `at`.
-#[inline(always)]
-fn lanes<F>(row: &[F], at: usize) -> &[F; LANES] {
-    row[at..at + LANES].try_into().expect("sixteen numbers")
 }

@@ -6,7 +6,7 @@ use super::clean;
 use crate::constants::{PIXEL_MAX, SSIM_C1, SSIM_C2, SSIM_SHIFT, SSIM_SIGMA, SSIM_WINDOW};
 use crate::cpu::Real;
 use crate::cpu::parallel::{Disjoint, zeros};
-use crate::cpu::real::{LANES, LaneTask, Lanes, Number};
+use crate::cpu::real::{Aligned, LANES, LaneTask, Lanes, Number};
 
 /// Pixels around one that its window covers.
 const HALO: usize = SSIM_WINDOW / 2;
@@ -32,12 +32,6 @@ fn taps<F: Real>() -> [F; SSIM_WINDOW] {
     raw.map(|w| F::of(w / sum))
 }
 
-/// Sixteen numbers of `row` from `at`.
-#[inline(always)]
-fn lanes_at<L: Lanes>(row: &[L::Real], at: usize) -> L {
-    L::load(row[at..at + LANES].try_into().expect("sixteen numbers"))
-}
-
 /// The first sixteen numbers of `row`; zeros behind its end.
 #[inline(always)]
 fn lanes_or_zeros<L: Lanes>(row: &[L::Real]) -> L {
@@ -56,17 +50,6 @@ fn shifted<L: Lanes>(values: L) -> (L::Mask, L) {
     let counts = L::splat(largest).ge(values.abs());
     (counts, L::select(counts, values, L::splat(zero)).sub(L::splat(shift)))
 }
-
-/// Sixteen numbers into `row` at `at`.
-#[inline(always)]
-fn put<L: Lanes>(v: L, row: &mut [L::Real], at: usize) {
-    v.store((&mut row[at..at + LANES]).try_into().expect("sixteen numbers"));
-}
-
-/// Sixteen numbers in memory, at the start of a cache line: a vector across two lines costs twice as much.
-#[derive(Clone, Copy)]
-#[repr(align(64))]
-struct Aligned<F>([F; LANES]);
 
 /// The last 11 horizontally filtered rows of `K` maps, vector by vector: what one vertical filter reads lies together.
 /// Row `y` is in slot `y` modulo 11.
@@ -268,7 +251,7 @@ impl<'a, F: Real, const C: usize> Block<'a, F, C> {
             let (s, d) = (&sums[at..at + span], &differences[at..at + span]);
             let [mut mu_s, mut mu_d, mut ss, mut dd] = [L::splat(F::ZERO); 4];
             for (i, &w) in taps.iter().enumerate() {
-                let (s, d): (L, L) = (lanes_at(s, i * channels), lanes_at(d, i * channels));
+                let (s, d) = (L::load_at(s, i * channels), L::load_at(d, i * channels));
                 let (ws, wd) = (w.mul(s), w.mul(d));
                 mu_s = mu_s.add(ws);
                 mu_d = mu_d.add(wd);
@@ -288,7 +271,7 @@ impl<'a, F: Real, const C: usize> Block<'a, F, C> {
         for vector in 0..self.moments.vectors.len() {
             let moments = self.moments.vertical(vector, &taps);
             for (map, value) in self.maps.iter_mut().zip(similarity(moments)) {
-                put(value, map, vector * LANES);
+                value.store_at(map, vector * LANES);
             }
         }
         let before = self.lead[0].saturating_sub(self.area.columns.start);
@@ -314,7 +297,7 @@ impl<'a, F: Real, const C: usize> Block<'a, F, C> {
                 let map = &map[at..at + span];
                 let mut sum = L::splat(F::ZERO);
                 for (i, &w) in taps.iter().enumerate() {
-                    sum = w.mul_add(lanes_at(map, i * channels), sum);
+                    sum = w.mul_add(L::load_at(map, i * channels), sum);
                 }
                 sum.store(&mut to.0);
             }

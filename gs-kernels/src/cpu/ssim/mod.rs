@@ -29,6 +29,7 @@ use area::{Area, Images, Task};
 const STRIP: usize = 128;
 /// Numbers of a row of an area: eleven rows of seven maps take 90 kB of `f32`, and the columns around cost an eighth.
 const BLOCK: usize = 256;
+
 /// Result of [`forward`].
 #[derive(Clone, Debug)]
 pub struct SsimForward<F> {

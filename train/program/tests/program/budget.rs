@@ -15,7 +15,7 @@ const SOURCE_LINES: [(&str, usize); 15] = [
     ("datasets/splats", 4_300),
     ("datasets/worlds", 5_195),
     ("gs-burn", 6_660),
-    ("gs-kernels", 14_465),
+    ("gs-kernels", 14_455),
     ("models", 12_615),
     ("tests/lab", 6_170),
     ("tests/shaders", 1_870),
