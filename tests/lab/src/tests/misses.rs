@@ -32,10 +32,6 @@ pub const QUICK: &[Miss] = &[
     // 42 and 67 %, from starts that are 50 and 100 % off: sixty steps.
     miss("exposure", "error of exposure times speed", "at most 2", 50.0),
     miss("exposure", "error of the exposure over all starts", "at most 5", 75.0),
-    // Sixty steps make no scene sharp enough for blur to matter: 0.1 dB is noise.
-    miss("absorb", "integrate: sharp PSNR of moving parts", "at least 0", -0.2),
-    // 0.13 dB: the exact formation has to find that the exposure is none.
-    miss("absorb", "integrate, sharp photos: PSNR of moving parts", "at least -0.1", -0.25),
     // 0.36 dB, as in the full version; runs this short scatter by a decibel with the first Gaussians.
     miss("opacity", "still: PSNR with decay", "at least -0.1", -1.0),
     // 240 steps teach the field alone nothing that lasts four times the time seen, and throw 21 % of the Gaussians out.

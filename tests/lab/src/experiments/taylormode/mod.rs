@@ -36,7 +36,7 @@ pub static EXPERIMENTS: [Experiment; 11] = experiments![
     /// Sharp PSNR, and that of the training photos as they are formed, along training by blur model: does forming the
     /// photos well make the scene sharp? And on photos that were sharp to begin with, does the model leave them
     /// unchanged?
-    "absorb": absorb::run, [6, 6] of [960, 60];
+    "absorb": absorb::run, [6, 6] of [960, 400];
     /// True depth, corrupted by a scale and a shift per photo in depth or in disparity, and by 20 % outliers: what does
     /// it cost fitted per photo, fitted once for all photos, by correlation alone, and believed?
     "depth": depth::run, [19, 5] of [480, 40];
