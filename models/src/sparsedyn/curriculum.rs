@@ -17,6 +17,10 @@ pub struct Curriculum {
     /// Share of the draws from a growing window that are of its newest frames, 0 to 1; 0 (the paper): all frames are
     /// drawn alike. In a long window a new frame is else drawn so seldom that fast motion is lost.
     pub newest: f64,
+    /// Share of the replays that are of the first frame, 0 to 1; 0 (the paper): earlier frames are drawn alike. The
+    /// first frame is else drawn so seldom that Gaussians stay where later frames want them, and the motion begins with
+    /// a jump.
+    pub first: f64,
     /// `t'`, the first frame of the late horizon; 0: the late horizon holds all frames ("full-horizon").
     pub late_from: usize,
     /// `K`, frames replayed in each step of the long-horizon phase.
@@ -28,7 +32,7 @@ pub struct Curriculum {
 /// Newest frames of a window, as many as the paper's window grows by.
 const NEWEST_FRAMES: usize = 4;
 
-/// Fineness of the share of newest frames.
+/// Fineness of the shares of draws.
 const FINENESS: usize = 1000;
 
 /// The phase of a step.
@@ -75,8 +79,7 @@ impl Curriculum {
     pub fn frames(&self, n: usize, mut draw: impl FnMut(usize) -> usize) -> Vec<Sampled> {
         match self.phase(n) {
             Phase::Short { frames } => {
-                let of_newest = self.newest > 0.0 && (draw(FINENESS) as f64) < self.newest * FINENESS as f64;
-                let first = if of_newest { frames.saturating_sub(NEWEST_FRAMES) } else { 0 };
+                let first = if happens(self.newest, &mut draw) { frames.saturating_sub(NEWEST_FRAMES) } else { 0 };
                 vec![Sampled { frame: first + draw(frames - first), weight: 1.0 }]
             }
             Phase::Long => {
@@ -84,11 +87,17 @@ impl Curriculum {
                 let first = Sampled { frame: late + draw(self.last_frame - late + 1), weight: 1.0 };
                 let replays = if late == 0 { 0 } else { self.replays };
                 let weight = self.replay_weight / replays.max(1) as f64;
-                let replayed = (0..replays).map(|_| Sampled { frame: draw(late), weight });
+                let replayed = (0..replays)
+                    .map(|_| Sampled { frame: if happens(self.first, &mut draw) { 0 } else { draw(late) }, weight });
                 std::iter::once(first).chain(replayed).collect()
             }
         }
     }
+}
+
+/// Whether an event of this probability happens.
+fn happens(share: f64, draw: &mut impl FnMut(usize) -> usize) -> bool {
+    share > 0.0 && (draw(FINENESS) as f64) < share * FINENESS as f64
 }
 
 #[cfg(test)]
@@ -100,6 +109,7 @@ mod tests {
         growth: 4,
         interval: 500,
         newest: 0.0,
+        first: 0.0,
         late_from: 35,
         replays: 4,
         replay_weight: 0.5,
@@ -154,6 +164,21 @@ mod tests {
         assert!((2200 - 157..=2200 + 157).contains(&newest), "{newest}");
         let all = Curriculum { newest: 1.0, ..PAPER };
         assert!((1..500).all(|n| all.frames(n, &mut draw)[0].frame < 4), "a window of four frames");
+    }
+
+    #[test]
+    fn the_first_frame_has_its_share_of_the_replays() {
+        let mut state = 1_u64;
+        let mut draw = |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            ((state >> 33) as usize) % below
+        };
+        let quarter = Curriculum { first: 0.25, ..PAPER };
+        let replayed: Vec<Sampled> = (0..1000).flat_map(|_| quarter.frames(6000, &mut draw).split_off(1)).collect();
+        let first = replayed.iter().filter(|one| one.frame == 0).count();
+        // A quarter of 4000, and a 35th of the others; their standard deviation is 28, five of which are 140.
+        assert!(replayed.len() == 4000 && (1086 - 140..=1086 + 140).contains(&first), "{first}");
+        assert!(replayed.iter().all(|one| one.frame < 35 && one.weight == 0.125));
     }
 
     #[test]

@@ -34,6 +34,9 @@ pub struct BodyFrame {
     pub since: f64,
     /// Oscillations of its nodes beside their free motion, which rests after the seen time.
     pub rhythms: u32,
+    /// What multiples of the first rate they have, where they are one periodic motion; empty: each has its own rate.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub multiples: Vec<u32>,
     /// How sure the kind of law is among those that were compared, 0 to 1; `None` where none were.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub confidence: Option<f32>,
@@ -162,7 +165,7 @@ impl Bodies {
             frame: frame.clone(),
             values,
             free: motion(&frees, index),
-            rates: rates[RHYTHMS * index..][..frame.rhythms as usize].to_vec(),
+            rates: frame.rates(&rates[RHYTHMS * index..]),
             nodes: of_node(index),
         };
         self.frames.iter().enumerate().zip(self.values()).map(one).collect()
@@ -256,13 +259,15 @@ impl Bodies {
         if self.frames.iter().any(|frame| frame.rhythms > 0) {
             let rows: Vec<i64> = self.node_frames.iter().map(|node| node.body as i64).collect();
             let rows = Tensor::<1, Int>::from_data(TensorData::new(rows, [count]), &like.device());
-            let angle = self.rates.val().select(0, rows) * (time - self.span.times[0]);
-            let on: Vec<f64> = self
-                .node_frames
-                .iter()
-                .flat_map(|node| (0..RHYTHMS).map(|k| f64::from(u8::from(k < frame(node).rhythms as usize))))
-                .collect();
-            let on = constant(like, on, [count, RHYTHMS]);
+            let table = |of: &dyn Fn(&BodyFrame, usize) -> f64| {
+                let row = |node: &NodeFrame| (0..RHYTHMS).map(|k| of(frame(node), k)).collect::<Vec<f64>>();
+                constant(like, self.node_frames.iter().flat_map(row).collect(), [count, RHYTHMS])
+            };
+            let on = table(&|frame, k| f64::from(u8::from(k < frame.rhythms as usize)));
+            let own = table(&|frame, _| f64::from(u8::from(frame.multiples.is_empty())));
+            let of_first = table(&|frame, k| frame.multiples.get(k).map_or(0.0, |k| f64::from(*k)));
+            let rates = self.rates.val().select(0, rows);
+            let angle = (rates.clone() * own + rates.narrow(1, 0, 1) * of_first) * (time - self.span.times[0]);
             let waves = Tensor::cat(vec![angle.clone().sin() * on.clone(), (angle.cos() - 1.0) * on], 1);
             basis = Tensor::cat(vec![basis.narrow(1, 0, columns - 2 * RHYTHMS), waves], 1);
         }
@@ -426,7 +431,15 @@ fn scales(length: f64) -> [f64; NUMBERS] {
 impl BodyFrame {
     /// A body without oscillations that follows `law` from the time `since` on.
     pub fn of(centre: [f64; 3], law: Law, since: f64) -> Self {
-        Self { centre, law, since, rhythms: 0, confidence: None }
+        Self { centre, law, since, rhythms: 0, multiples: Vec::new(), confidence: None }
+    }
+
+    /// The rates of the oscillations, of which `learned` are the numbers.
+    fn rates(&self, learned: &[f64]) -> Vec<f64> {
+        match self.multiples.is_empty() {
+            true => learned[..self.rhythms as usize].to_vec(),
+            false => self.multiples.iter().map(|k| f64::from(*k) * learned[0]).collect(),
+        }
     }
 
     /// Time since the law holds; 0 before it, negative only before the first frame of a body that it moves all along.

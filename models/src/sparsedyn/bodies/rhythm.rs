@@ -28,14 +28,20 @@ const PERIODIC: f64 = 1.3;
 pub struct Rhythm {
     /// Radians per unit of time.
     pub rates: Vec<f64>,
+    /// What multiples of the first rate they are, where that is one periodic motion; empty: each is free.
+    pub multiples: Vec<u32>,
     /// For each quantity the amplitudes of `sin(w s)` by rate, then of `cos(w s) - 1`.
     pub amplitudes: Vec<Vec<f64>>,
 }
 
 impl Rhythm {
     /// `count` oscillations of quantities whose values at times `s` since the first frame, at which they are 0, are the
-    /// rows of `data`: a periodic motion (one rate and its multiples) where that leaves hardly more than free rates.
-    /// Beside them each quantity may move by a polynomial of order `drift`, which is left out.
+    /// rows of `data`: a periodic motion (one rate and its multiples, or what doubles it again and again) where that
+    /// leaves hardly more than free rates. Beside them each quantity may move by a polynomial of order `drift`, which
+    /// is left out.
+    ///
+    /// What bends to and fro and keeps its length moves along itself at twice the rate: the rates of a body that bends
+    /// in one direction at twice the rate of the other are doubled twice, and none of them is three times the first.
     pub fn fit(s: &[f64], data: &[Vec<f64>], count: usize, drift: usize) -> Self {
         let seen = Seen { s, data, range: range(s), drift };
         let mut free: Vec<f64> = Vec::new();
@@ -43,24 +49,37 @@ impl Rhythm {
             let with = |rate: f64| free.iter().copied().chain([rate]).collect::<Vec<f64>>();
             free = seen.refined(seen.first(with), <[f64]>::to_vec);
         }
-        let series = |first: &[f64]| (1..=count).flat_map(|k| first.iter().map(move |rate| k as f64 * rate)).collect();
-        let periodic = series(&seen.refined(seen.first(|rate| series(&[rate])).into_iter().take(1).collect(), series));
-        let is_periodic = count > 1 && seen.misfit(&periodic) <= PERIODIC * seen.misfit(&free);
-        Self::of_rates(&seen, if is_periodic { periodic } else { free })
+        let left = seen.misfit(&free);
+        let series = [multiples(count), doubles(count)].into_iter().filter(|of| of.len() > 1);
+        let all = series.map(|of| seen.periodic(of)).filter(|one| one.0 <= PERIODIC * left);
+        let (_, rates, multiples) = all.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((left, free, Vec::new()));
+        Self::of_rates(&seen, rates, multiples)
     }
 
-    fn of_rates(seen: &Seen, rates: Vec<f64>) -> Self {
+    fn of_rates(seen: &Seen, rates: Vec<f64>, multiples: Vec<u32>) -> Self {
         // Less than a period of an oscillation is near an even motion, so that two of them may take large amplitudes
         // against each other: amplitudes are held against the share of the values that they and the drift leave.
         let all = seen.data.iter().flatten().map(|x| x * x).sum::<f64>().max(f64::MIN_POSITIVE);
         let mut amplitudes = seen.solved(&rates, seen.misfit(&rates) / all);
         amplitudes.iter_mut().for_each(|own| own.truncate(2 * rates.len()));
-        Self { rates, amplitudes }
+        Self { rates, multiples, amplitudes }
     }
 
-    /// The oscillations of given rates.
-    pub(super) fn with_rates(s: &[f64], data: &[Vec<f64>], rates: Vec<f64>) -> Self {
-        Self::of_rates(&Seen { s, data, range: range(s), drift: 0 }, rates)
+    /// Oscillations with the rates that have these [`numbers`](Self::numbers), and the best amplitudes.
+    pub(super) fn refitted(&self, s: &[f64], data: &[Vec<f64>], numbers: &[f64]) -> Self {
+        Self::of_rates(&Seen { s, data, range: range(s), drift: 0 }, self.rates_of(numbers), self.multiples.clone())
+    }
+
+    /// Its rates as numbers to be fitted beside others: their logarithms, of a periodic one that of its first.
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        logarithms(if self.multiples.is_empty() { &self.rates } else { &self.rates[..1] })
+    }
+
+    /// The rates that have these [`numbers`](Self::numbers).
+    pub(super) fn rates_of(&self, numbers: &[f64]) -> Vec<f64> {
+        let own = exponentials(numbers);
+        let of_first = |k: &u32| f64::from(*k) * own[0];
+        if self.multiples.is_empty() { own } else { self.multiples.iter().map(of_first).collect() }
     }
 
     /// The value of each quantity at `s`.
@@ -68,6 +87,16 @@ impl Rhythm {
         let basis = basis(s, &self.rates);
         self.amplitudes.iter().map(|own| dot(own, &basis)).collect()
     }
+}
+
+/// 1, 2, 3 and so on: those of any periodic motion.
+fn multiples(count: usize) -> Vec<u32> {
+    (1..=count as u32).collect()
+}
+
+/// 1, 2, 4 and so on.
+fn doubles(count: usize) -> Vec<u32> {
+    (0..count).map(|k| 1 << k).collect()
 }
 
 /// Least and largest rate that the times `s` tell.
@@ -98,6 +127,16 @@ impl Seen<'_> {
         let tried = (0..TRIED).map(|k| with(least * (most / least).powf(k as f64 / (TRIED - 1) as f64)));
         let tried = tried.map(|rates| (self.misfit(&rates), rates));
         tried.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |(_, rates)| rates)
+    }
+
+    /// What the best periodic motion of given multiples leaves, and its rates.
+    fn periodic(&self, multiples: Vec<u32>) -> (f64, Vec<f64>, Vec<u32>) {
+        let series = |first: &[f64]| -> Vec<f64> {
+            multiples.iter().flat_map(|k| first.iter().map(move |rate| f64::from(*k) * rate)).collect()
+        };
+        let begun = self.first(|rate| series(&[rate])).into_iter().take(1).collect();
+        let rates = series(&self.refined(begun, series));
+        (self.misfit(&rates), rates, multiples)
     }
 
     /// The functions of time: the oscillations', then the powers of a drift.
@@ -139,20 +178,6 @@ impl Seen<'_> {
 /// The rest of each value after oscillations of given rates.
 pub(super) fn rest(s: &[f64], data: &[Vec<f64>], rates: &[f64]) -> Vec<f64> {
     Seen { s, data, range: range(s), drift: 0 }.residuals(rates)
-}
-
-/// The rates of a rhythm as numbers to be fitted beside others: their logarithms, of a periodic one that of its first.
-pub(super) fn numbers(rates: &[f64]) -> Vec<f64> {
-    let is_periodic = rates.len() > 1 && rates.iter().enumerate().all(|(k, rate)| *rate == (k + 1) as f64 * rates[0]);
-    logarithms(if is_periodic { &rates[..1] } else { rates })
-}
-
-/// The `count` rates that have these [`numbers`].
-pub(super) fn rates(numbers: &[f64], count: usize) -> Vec<f64> {
-    match numbers {
-        [first] => (1..=count).map(|k| k as f64 * first.exp()).collect(),
-        all => exponentials(all),
-    }
 }
 
 /// Logarithms of rates within `range`.
@@ -201,6 +226,39 @@ mod tests {
         for (own, truth) in rhythm.at(1.0).iter().zip(wave(1.0)) {
             assert!((own - truth).abs() < 0.03, "{own} for {truth}");
         }
+    }
+
+    /// Joints of a chain of eight links of one length that bends sideways at 1.5 periods a unit and up at 0.75.
+    fn chain(s: f64) -> Vec<f64> {
+        let tau = std::f64::consts::TAU;
+        let mut place = [0.0; 3];
+        let mut joints = Vec::new();
+        for link in 0..8 {
+            let x = f64::from(link) / 7.0;
+            let yaw = 0.8 * x * (tau * (1.5 * s - 1.1 * x)).sin();
+            let pitch = 0.2 * x * (tau * (0.75 * s - 0.6 * x) + 1.0).sin();
+            let way = [yaw.cos() * pitch.cos(), yaw.sin() * pitch.cos(), pitch.sin()];
+            place.iter_mut().zip(way).for_each(|(x, by)| *x += 0.2 * by);
+            joints.extend(place);
+        }
+        joints
+    }
+
+    #[test]
+    fn what_keeps_its_length_moves_along_itself_at_twice_its_rate() {
+        let s: Vec<f64> = (0..45).map(|k| f64::from(k) / 59.0).collect();
+        let less = |s: f64| chain(s).into_iter().zip(chain(0.0)).map(|(x, first)| x - first).collect::<Vec<f64>>();
+        let rows: Vec<Vec<f64>> = s.iter().map(|s| less(*s)).collect();
+        let data: Vec<Vec<f64>> = (0..24).map(|k| rows.iter().map(|row| row[k]).collect()).collect();
+        let off = |rhythm: &Rhythm| {
+            let squares = rhythm.at(1.0).into_iter().zip(less(1.0)).map(|(x, truth)| (x - truth).powi(2));
+            (squares.sum::<f64>() / 8.0).sqrt()
+        };
+        let found = Rhythm::fit(&s, &data, 3, 0);
+        let first = found.rates[0] / std::f64::consts::TAU;
+        assert!(found.multiples == [1, 2, 4] && (first - 0.75).abs() < 0.02, "{:?} {first}", found.multiples);
+        // Joints at the end move by 0.5.
+        assert!(off(&found) < 0.03 && off(&found) < 0.5 * off(&Rhythm::fit(&s, &data, 2, 0)), "{}", off(&found));
     }
 
     #[test]

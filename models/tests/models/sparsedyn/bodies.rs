@@ -33,13 +33,15 @@ fn bodies(place: &Place, kind: Kind) -> Bodies {
         let centre: [f64; 3] = random.values(3, -1.0, 1.0).try_into().expect("three");
         let since = if kind == Kind::Phased { 0.5 } else { SPAN.times[0] };
         let (rhythms, rates) = if kind == Kind::Bending { (2, vec![4.0, 9.0]) } else { (0, Vec::new()) };
+        // Every second one is periodic, and its second number then no rate.
+        let multiples = if kind == Kind::Bending && index % 2 == 1 { vec![1, 2] } else { Vec::new() };
         let mut node = |shift: f64| {
             let frame = NodeFrame { centre: centre.map(|x| x + shift), width: 0.4, body: index };
             (frame, motion(&mut random))
         };
         let nodes = if kind == Kind::Bending { vec![node(-0.3), node(0.3)] } else { Vec::new() };
         Body {
-            frame: BodyFrame { rhythms, ..BodyFrame::of(centre, *law, since) },
+            frame: BodyFrame { rhythms, multiples, ..BodyFrame::of(centre, *law, since) },
             values: LawValues(random.values(NUMBERS, -2.0, 2.0).try_into().expect("numbers")),
             free: if kind == Kind::Phased { motion(&mut random) } else { Vec::new() },
             rates,

@@ -131,6 +131,8 @@ section! {
         // A pendulum's future, five cameras: 20.6 dB at 0, 24.7 at 0.5, 23.8 at 0.8.
         /// Share of the draws from the growing window that are of its four newest frames; 0: all alike (the paper).
         newest: f64 = 0.5, in SHARE;
+        /// Share of the replayed frames that are the first; 0: all alike (the paper).
+        first: f64 = 0.25, in SHARE;
         /// First frame of the late horizon as a share of the frames seen (paper: 35 of 45); 0: all frames.
         late: f64 = 35.0 / 45.0, in SHARE;
         /// Frames replayed in each step of the long-horizon phase (Eq. 10; paper: 4).
@@ -170,6 +172,7 @@ section! {
     pub struct BodiesConfig {
         /// The use of rigid bodies.
         mode: BodyUse = BodyUse::Bodies;
+        // At 0.05 a tube that bends gains 2 dB, and a block and a spinner that move alike for five frames are one body.
         /// Share of the steps after the warm-up at which bodies are looked for. Early: few frames say little of a
         /// motion. Late: a field that is followed long loses what swings.
         from: f64 = 0.14, in SHARE;

@@ -132,6 +132,7 @@ pub fn schedule(frames: usize, config: &Config) -> Curriculum {
         growth: options.growth,
         interval: interval.max(1),
         newest: options.newest,
+        first: options.first,
         late_from: (options.late * last_frame as f64).round() as usize,
         replays: options.replays,
         replay_weight: options.replay_weight,

@@ -97,7 +97,8 @@ impl Frame {
         let is_body = |body: &BodyFrame| {
             let sure = body.confidence.is_none_or(|share| (0.0..=1.0).contains(&share));
             let usable = body.centre.iter().all(|x| x.is_finite()) && body.since.is_finite();
-            usable && sure && body.rhythms as usize <= RHYTHMS
+            let tied = body.multiples.is_empty() || body.multiples.len() == body.rhythms as usize;
+            usable && sure && tied && body.rhythms as usize <= RHYTHMS
         };
         let is_node = |node: &NodeFrame| {
             node.body < self.bodies.len() && node.width > 0.0 && node.centre.iter().all(|x| x.is_finite())
