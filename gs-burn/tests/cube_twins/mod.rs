@@ -19,4 +19,3 @@ mod scan;
 mod sh;
 mod sort;
 mod ssim;
-mod uniformity;

@@ -115,6 +115,15 @@ mod tests {
         replay_weight: 0.5,
     };
 
+    /// Draws of a generator that begins alike each time.
+    fn draws() -> impl FnMut(usize) -> usize {
+        let mut state = 1_u64;
+        move |below| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            ((state >> 33) as usize) % below
+        }
+    }
+
     #[test]
     fn the_window_grows_as_in_equation_8() {
         assert_eq!(PAPER.phase(1), Phase::Short { frames: 4 });
@@ -127,11 +136,7 @@ mod tests {
 
     #[test]
     fn short_steps_stay_in_the_window_and_long_ones_replay() {
-        let mut state = 1_u64;
-        let mut draw = |below: usize| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            ((state >> 33) as usize) % below
-        };
+        let mut draw = draws();
         for n in (1..5501).step_by(37) {
             let Phase::Short { frames } = PAPER.phase(n) else { panic!("short at {n}") };
             let sampled = PAPER.frames(n, &mut draw);
@@ -150,11 +155,7 @@ mod tests {
 
     #[test]
     fn the_newest_frames_have_their_share_of_the_draws() {
-        let mut state = 1_u64;
-        let mut draw = |below: usize| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            ((state >> 33) as usize) % below
-        };
+        let mut draw = draws();
         let half = Curriculum { newest: 0.5, ..PAPER };
         // A window of 40 frames: half of the draws are of the last four, and a tenth of the other half.
         let drawn: Vec<usize> = (0..4000).map(|_| half.frames(5000, &mut draw)[0].frame).collect();
@@ -168,11 +169,7 @@ mod tests {
 
     #[test]
     fn the_first_frame_has_its_share_of_the_replays() {
-        let mut state = 1_u64;
-        let mut draw = |below: usize| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            ((state >> 33) as usize) % below
-        };
+        let mut draw = draws();
         let quarter = Curriculum { first: 0.25, ..PAPER };
         let replayed: Vec<Sampled> = (0..1000).flat_map(|_| quarter.frames(6000, &mut draw).split_off(1)).collect();
         let first = replayed.iter().filter(|one| one.frame == 0).count();

@@ -50,18 +50,19 @@ pub struct Bent {
     pub compared: Vec<(Law, usize, f64)>,
 }
 
-/// The law of the body `own`, whose Gaussians as one rigid body have `poses`: the law of fewest numbers for its whole
-/// whose score is at most 30 above the least, with the fewest oscillations whose score is at most 10 above the least
-/// of that law.
+/// The law of the body `own`, whose Gaussians as one rigid body have `poses`: of the laws of its whole whose scores are
+/// near the least the one of fewest numbers, with the fewest oscillations whose score is near the least of that law.
 pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
     let seen: Vec<(f64, Vec<BodyPose>)> =
         poses.poses.iter().map(|(s, _)| (*s, own.node_poses(span, span.times[0] + s))).collect();
-    let all = candidates(own, poses, &seen);
+    let mut all = candidates(own, poses, &seen);
     let compared = all.iter().map(|one| (one.law, one.settled.rhythm.rates.len(), one.score)).collect();
-    let laws = near(&all, LEAD).map(|one| one.law);
-    let law = laws.min_by_key(|law| law.freedom()).unwrap_or_else(|| Law::of(&[]));
-    let of_law: Vec<Candidate> = all.into_iter().filter(|one| one.law == law).collect();
-    let chosen = near(&of_law, TIE).min_by_key(|one| numbers(one.law, &one.settled.rhythm)).cloned();
+    all.sort_by(|a, b| a.score.total_cmp(&b.score));
+    let near = |all: &[Candidate], apart: f64| all.iter().take_while(|one| one.score <= all[0].score + apart).count();
+    let law = all[..near(&all, LEAD)].iter().map(|one| one.law).min_by_key(|law| law.freedom());
+    all.retain(|one| Some(one.law) == law);
+    all.truncate(near(&all, TIE));
+    let chosen = all.into_iter().min_by_key(|one| numbers(one.law, &one.settled.rhythm));
     let rests = || {
         let settled = Settled { values: LawValues::REST, rhythm: Rhythm::default(), left: f64::INFINITY };
         Candidate { score: 0.0, foreseen: f64::INFINITY, law: Law::of(&[]), settled }
@@ -75,16 +76,7 @@ pub fn bent(own: &Body, poses: &Poses, span: &Span) -> Bent {
     Bent { body: Body { frame, values, free: Vec::new(), rates: rhythm.rates, nodes }, foreseen, compared }
 }
 
-/// Those whose scores are at most `apart` above the least, best first.
-fn near(all: &[Candidate], apart: f64) -> impl Iterator<Item = &Candidate> {
-    let least = all.iter().map(|one| one.score).fold(f64::INFINITY, f64::min);
-    let mut near: Vec<&Candidate> = all.iter().filter(|one| one.score <= least + apart).collect();
-    near.sort_by(|a, b| a.score.total_cmp(&b.score));
-    near.into_iter()
-}
-
 /// A law of the whole with oscillations, how far it foresees the nodes, and its [`score`].
-#[derive(Clone)]
 struct Candidate {
     score: f64,
     foreseen: f64,
@@ -120,7 +112,6 @@ fn candidates(own: &Body, poses: &Poses, seen: &[(f64, Vec<BodyPose>)]) -> Vec<C
 }
 
 /// A law of the whole, and oscillations in its frame.
-#[derive(Clone)]
 struct Settled {
     values: LawValues,
     rhythm: Rhythm,

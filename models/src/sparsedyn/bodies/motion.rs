@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::basis::{EVEN, MOTION, free};
 use super::law::{BodyPose, DAMPING_FLOOR, Law, LawValues, NUMBERS, Term};
 use super::nodes::{NodeFrame, Skin, strain};
+use super::rhythm::tied;
 use super::transforms::{Turn, Way, constant};
 use crate::rotation::product;
 use crate::sparsedyn::state::State;
@@ -34,7 +35,7 @@ pub struct BodyFrame {
     pub since: f64,
     /// Oscillations of its nodes beside their free motion, which rests after the seen time.
     pub rhythms: u32,
-    /// What multiples of the first rate they have, where they are one periodic motion; empty: each has its own rate.
+    /// Their rates as multiples of the first, where they are one periodic motion; empty: each has its own rate.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub multiples: Vec<u32>,
     /// How sure the kind of law is among those that were compared, 0 to 1; `None` where none were.
@@ -165,7 +166,7 @@ impl Bodies {
             frame: frame.clone(),
             values,
             free: motion(&frees, index),
-            rates: frame.rates(&rates[RHYTHMS * index..]),
+            rates: tied(&frame.multiples, &rates[RHYTHMS * index..][..frame.rhythms as usize]),
             nodes: of_node(index),
         };
         self.frames.iter().enumerate().zip(self.values()).map(one).collect()
@@ -432,14 +433,6 @@ impl BodyFrame {
     /// A body without oscillations that follows `law` from the time `since` on.
     pub fn of(centre: [f64; 3], law: Law, since: f64) -> Self {
         Self { centre, law, since, rhythms: 0, multiples: Vec::new(), confidence: None }
-    }
-
-    /// The rates of the oscillations, of which `learned` are the numbers.
-    fn rates(&self, learned: &[f64]) -> Vec<f64> {
-        match self.multiples.is_empty() {
-            true => learned[..self.rhythms as usize].to_vec(),
-            false => self.multiples.iter().map(|k| f64::from(*k) * learned[0]).collect(),
-        }
     }
 
     /// Time since the law holds; 0 before it, negative only before the first frame of a body that it moves all along.

@@ -28,7 +28,7 @@ const PERIODIC: f64 = 1.3;
 pub struct Rhythm {
     /// Radians per unit of time.
     pub rates: Vec<f64>,
-    /// What multiples of the first rate they are, where that is one periodic motion; empty: each is free.
+    /// The rates as multiples of the first, where they are one periodic motion; empty: each is free.
     pub multiples: Vec<u32>,
     /// For each quantity the amplitudes of `sin(w s)` by rate, then of `cos(w s) - 1`.
     pub amplitudes: Vec<Vec<f64>>,
@@ -40,8 +40,9 @@ impl Rhythm {
     /// leaves hardly more than free rates. Beside them each quantity may move by a polynomial of order `drift`, which
     /// is left out.
     ///
-    /// What bends to and fro and keeps its length moves along itself at twice the rate: the rates of a body that bends
-    /// in one direction at twice the rate of the other are doubled twice, and none of them is three times the first.
+    /// A body that bends to and fro and keeps its length moves along itself at twice the rate: the rates of a body that
+    /// bends in one direction at twice the rate of the other are doubled twice, and none of them is three times the
+    /// first.
     pub fn fit(s: &[f64], data: &[Vec<f64>], count: usize, drift: usize) -> Self {
         let seen = Seen { s, data, range: range(s), drift };
         let mut free: Vec<f64> = Vec::new();
@@ -50,7 +51,9 @@ impl Rhythm {
             free = seen.refined(seen.first(with), <[f64]>::to_vec);
         }
         let left = seen.misfit(&free);
-        let series = [multiples(count), doubles(count)].into_iter().filter(|of| of.len() > 1);
+        let mut series = vec![multiples(count), doubles(count)];
+        series.dedup();
+        let series = series.into_iter().filter(|of| of.len() > 1);
         let all = series.map(|of| seen.periodic(of)).filter(|one| one.0 <= PERIODIC * left);
         let (_, rates, multiples) = all.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((left, free, Vec::new()));
         Self::of_rates(&seen, rates, multiples)
@@ -77,9 +80,7 @@ impl Rhythm {
 
     /// The rates that have these [`numbers`](Self::numbers).
     pub(super) fn rates_of(&self, numbers: &[f64]) -> Vec<f64> {
-        let own = exponentials(numbers);
-        let of_first = |k: &u32| f64::from(*k) * own[0];
-        if self.multiples.is_empty() { own } else { self.multiples.iter().map(of_first).collect() }
+        tied(&self.multiples, &exponentials(numbers))
     }
 
     /// The value of each quantity at `s`.
@@ -87,6 +88,11 @@ impl Rhythm {
         let basis = basis(s, &self.rates);
         self.amplitudes.iter().map(|own| dot(own, &basis)).collect()
     }
+}
+
+/// The rates of which `own` are the free ones: these, or the multiples of the first.
+pub(super) fn tied(multiples: &[u32], own: &[f64]) -> Vec<f64> {
+    if multiples.is_empty() { own.to_vec() } else { multiples.iter().map(|k| f64::from(*k) * own[0]).collect() }
 }
 
 /// 1, 2, 3 and so on: those of any periodic motion.
@@ -129,11 +135,9 @@ impl Seen<'_> {
         tried.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |(_, rates)| rates)
     }
 
-    /// What the best periodic motion of given multiples leaves, and its rates.
+    /// The misfit of the best periodic motion of given multiples, and its rates.
     fn periodic(&self, multiples: Vec<u32>) -> (f64, Vec<f64>, Vec<u32>) {
-        let series = |first: &[f64]| -> Vec<f64> {
-            multiples.iter().flat_map(|k| first.iter().map(move |rate| f64::from(*k) * rate)).collect()
-        };
+        let series = |first: &[f64]| tied(&multiples, first);
         let begun = self.first(|rate| series(&[rate])).into_iter().take(1).collect();
         let rates = series(&self.refined(begun, series));
         (self.misfit(&rates), rates, multiples)
