@@ -18,4 +18,5 @@ mod render;
 mod scan;
 mod sh;
 mod sort;
+mod sparse_conv;
 mod ssim;
