@@ -7,7 +7,7 @@ use super::error::ConfigError;
 use super::tables::merge;
 
 /// Former keys by section, each with the only value that it had in practice.
-const RETIRED: [(&str, &str, f64); 20] = [
+const RETIRED: [(&str, &str, f64); 21] = [
     ("optimiser", "sh_rest_lr", 1.25e-4),
     ("optimiser", "beta1", 0.9),
     ("optimiser", "beta2", 0.999),
@@ -25,6 +25,7 @@ const RETIRED: [(&str, &str, f64); 20] = [
     ("bodies", "most", 12.0),
     ("bodies", "share", 0.02),
     ("bodies", "lr_final", 2e-5),
+    ("curriculum", "outline", 0.0),
     ("lift", "scale_max", 1.0),
     ("supervision", "dssim", 0.2),
     ("actors", "speed", 0.5),

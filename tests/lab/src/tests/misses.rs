@@ -108,24 +108,35 @@ pub const FULL: &[Miss] = &[
 
 /// Every criterion keeps its bound but the listed misses, which miss it.
 pub fn holds(outcome: &Outcome, listed: &[Miss]) {
+    let wrong = wrong(outcome, listed);
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// A sentence for each criterion that is not as [`holds`] says.
+pub fn wrong(outcome: &Outcome, listed: &[Miss]) -> Vec<String> {
     let name = &outcome.name;
     let misses: Vec<&Miss> = listed.iter().filter(|miss| miss.experiment == name).collect();
-    for criterion in &outcome.criteria {
+    let of_criterion = |criterion: &Criterion| {
         let Criterion { what, bound, passed, .. } = criterion;
         let shown = criterion.shown();
         let Some(miss) = misses.iter().find(|miss| what.starts_with(miss.what)) else {
-            assert!(passed, "{name}: {what}: expected {bound}, found {shown}");
-            continue;
+            return (!passed).then(|| format!("{name}: {what}: expected {bound}, found {shown}"));
         };
-        assert_eq!(bound, miss.bound, "{name}: {what}: the experiment asks something else now");
-        assert!(!passed, "{name}: {what}: {shown} keeps {bound}: no miss any more, take it off the list");
-        let value = criterion.value.unwrap_or_else(|| panic!("{name}: {what} was not measured"));
+        if bound != miss.bound {
+            return Some(format!("{name}: {what}: the experiment asks for {bound} now, not {}", miss.bound));
+        }
+        if *passed {
+            return Some(format!("{name}: {what}: {shown} keeps {bound}: no miss any more, take it off the list"));
+        }
+        let Some(value) = criterion.value else { return Some(format!("{name}: {what} was not measured")) };
         let asks_more = bound.starts_with("at least") || bound.starts_with("above");
         let is_worse = if asks_more { value < miss.no_worse } else { value > miss.no_worse };
-        assert!(!is_worse, "{name}: {what}: {shown} is worse than the known miss of {}", miss.no_worse);
-    }
-    for miss in misses {
-        let asked = outcome.criteria.iter().any(|criterion| criterion.what.starts_with(miss.what));
-        assert!(asked, "{name}: no criterion on {:?}", miss.what);
-    }
+        is_worse.then(|| format!("{name}: {what}: {shown} is worse than the known miss of {}", miss.no_worse))
+    };
+    let mut wrong: Vec<String> = outcome.criteria.iter().filter_map(of_criterion).collect();
+    let asked = |miss: &&&Miss| outcome.criteria.iter().any(|criterion| criterion.what.starts_with(miss.what));
+    wrong.extend(
+        misses.iter().filter(|miss| !asked(miss)).map(|miss| format!("{name}: no criterion on {:?}", miss.what)),
+    );
+    wrong
 }

@@ -139,10 +139,6 @@ section! {
         replays: usize = 4, in 0..=64;
         /// Weight of their mean loss (Eq. 10; paper: 0.5).
         replay_weight: f64 = 0.5, in NOT_NEGATIVE;
-        // With 1, a chest that opens gains 1.6 dB of its future and a pendulum 0.7; a hollow body that spins loses 2.6.
-        /// The same in photos of all frames after the warm-up. Bodies whose outline changes gain, hollow ones that spin
-        /// lose.
-        outline: f64 = 0.0, in NOT_NEGATIVE;
     }
 }
 

@@ -13,7 +13,6 @@ use gs_multiview::foreground_masks;
 use super::Config;
 use super::clock::Clock;
 use super::evidence::{CameraEvidence, changing_pixels};
-use super::sources::Source;
 use gs_train::config::Strategy;
 
 /// Times closer than this share of the recording are one frame: cameras that are triggered together differ by rounding.
@@ -35,12 +34,9 @@ pub struct Cues {
     pub interval: f64,
     /// The depth priors of the first frame, by index of the training view.
     pub depths: BTreeMap<usize, DepthPrior>,
-    /// For each view of the first frame, or of all frames where outlines count there, by index of the training view,
-    /// `[H, W]`: 1 inside the outline of what stands before a plain background, -1 before the background, 0 at the
-    /// outline itself. Empty without a plain background.
+    /// For each view of the first frame, by index of the training view, `[H, W]`: 1 inside the outline of what stands
+    /// before a plain background, -1 before the background, 0 at the outline itself. Empty without a plain background.
     pub outlines: BTreeMap<usize, Vec<i8>>,
-    /// Where the Gaussians of the first frame begin.
-    pub source: Source,
     /// The pixels of each static camera at which something changes; empty if a camera moves.
     pub evidence: Vec<CameraEvidence>,
 }
@@ -63,22 +59,15 @@ impl Cues {
         let interval = interval(&times);
         let first = by_frame.first().map(Vec::as_slice).unwrap_or_default();
         let depths = depths_of(&scene.train, first);
-        let source = Source::of(scene, first, !depths.is_empty());
         let evidence = match config.method.moving.select {
             true => changing_pixels(&scene.train),
             false => Vec::new(),
         };
-        let method = &config.method;
-        let outlines = match (method.warmup.outline > 0.0, method.curriculum.outline > 0.0) {
-            (_, true) => outlines(&scene.train)
-                .into_iter()
-                .enumerate()
-                .filter_map(|(index, sides)| Some((index, sides?)))
-                .collect(),
-            (true, false) => outlines_of(&scene.train, first),
-            (false, false) => BTreeMap::new(),
+        let outlines = match config.method.warmup.outline > 0.0 {
+            true => outlines_of(&scene.train, first),
+            false => BTreeMap::new(),
         };
-        Self { clock, times, by_frame, interval, depths, outlines, source, evidence }
+        Self { clock, times, by_frame, interval, depths, outlines, evidence }
     }
 
     /// The canonical time, by the clock.
@@ -175,13 +164,8 @@ pub fn frames(views: &[View]) -> (Vec<f64>, Vec<Vec<usize>>) {
 /// The outlines of the views at `first`; empty without a plain background.
 fn outlines_of(views: &[View], first: &[usize]) -> BTreeMap<usize, Vec<i8>> {
     let chosen: Vec<View> = first.iter().map(|index| views[*index].clone()).collect();
-    first.iter().zip(outlines(&chosen)).filter_map(|(index, sides)| Some((*index, sides?))).collect()
-}
-
-/// The outline of each view; none without a plain background.
-fn outlines(views: &[View]) -> Vec<Option<Vec<i8>>> {
-    let masks = foreground_masks(views).unwrap_or_default();
-    masks.into_iter().zip(views).map(|(mask, view)| Some(sides(&mask?, view.width))).collect()
+    let masks = foreground_masks(&chosen).unwrap_or_default();
+    first.iter().zip(masks).filter_map(|(index, mask)| Some((*index, sides(&mask?, views[*index].width)))).collect()
 }
 
 /// 1 where a pixel and its neighbours are marked, -1 where none is, 0 otherwise: pixels at the edge are partly covered.

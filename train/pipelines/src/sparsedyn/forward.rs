@@ -12,16 +12,11 @@ use super::cues::warmup_steps;
 use super::extra::PhotoCues;
 use super::motion::{Direction, Moved};
 use super::order::weight;
-use super::sources::Source;
 use super::{Sparsedyn, Step};
 use gs_train::fit::losses::photometric;
 use gs_train::fit::method::{Drawn, Forward, Remainder};
 use gs_train::fit::photos::Photo;
 use gs_train::fit::random::{Purpose, stream};
-
-/// Factor of the opacity's weight on the hull of outlines, which holds more Gaussians than surfaces need. On four
-/// object sets of five cameras, held-out cameras gain 0.1 to 2.7 dB by 3 over 1, and lose by 6.
-const ON_HULL: f64 = 3.0;
 
 /// Weight of what oscillations leave of the seen time, in pixels: a tube that bends, whose rates were 9 % off at the
 /// choice of its law, gains 3.4 dB over the last state with it and 2.8 without.
@@ -49,14 +44,11 @@ impl Sparsedyn {
         if let Some(unsaid) = self.bodies.as_ref().and_then(|bodies| bodies.unsaid(times[0], self.frame.pixel)) {
             forward.loss = forward.loss + unsaid * UNSAID;
         }
-        let (count, of_outlines) = (photos.len(), at.config.method.curriculum.outline);
+        let count = photos.len();
         for (index, (photo, scene)) in photos.iter().zip(&scenes).enumerate() {
             let rendering = drawn(scene, photo, screens.get(index).cloned(), false, at);
             let image = photo.taken(rendering.color.clone());
-            let mut loss = photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
-            if let Some(sides) = photo.extra.outline.clone().filter(|_| of_outlines > 0.0) {
-                loss = loss + outline_misfit(rendering.alpha.clone(), sides) * of_outlines;
-            }
+            let loss = photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
             forward.loss = forward.loss + loss * weight(index, count, at);
             forward.drawn.push(Drawn::of(&rendering, screens.get(index)));
             forward.images.push(image);
@@ -78,8 +70,7 @@ impl Sparsedyn {
         let image = photo.taken(rendering.color.clone());
         let mut loss = photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
         if warmup.opacity > 0.0 && !gaussians.is_empty() {
-            let factor = if at.cues.source == Source::Hull { ON_HULL } else { 1.0 };
-            loss = loss + opacity_sparsity(gaussians.opacities()) * (factor * warmup.opacity);
+            loss = loss + opacity_sparsity(gaussians.opacities()) * warmup.opacity;
         }
         if let Some(sides) = photo.extra.outline.clone().filter(|_| warmup.outline > 0.0) {
             loss = loss + outline_misfit(rendering.alpha.clone(), sides) * warmup.outline;
