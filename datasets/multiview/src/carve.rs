@@ -169,6 +169,12 @@ pub(crate) fn support(silhouettes: &[Silhouette], position: DVec3) -> (usize, us
     answers.fold((0, 0), |(hits, seen), hit| (hits + usize::from(hit), seen + 1))
 }
 
+/// The pixel that shows a position at most `slack` behind the voxels that are `nearest` at each pixel.
+pub(crate) fn shown(silhouette: &Silhouette, nearest: &[f64], position: DVec3, slack: f64) -> Option<usize> {
+    let (pixel, depth) = silhouette.camera.sees(position)?;
+    (depth <= nearest[pixel] + slack).then_some(pixel)
+}
+
 /// Depth of the nearest voxel at each pixel; infinite without one.
 pub(crate) fn depth_map(silhouette: &Silhouette, positions: &[DVec3], edge: f64) -> Vec<f64> {
     let camera = &silhouette.camera;

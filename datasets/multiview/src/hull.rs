@@ -14,7 +14,7 @@ use gs_base::statistics::median_by;
 use gs_datasets::{PointCloud, Scene, View};
 
 use crate::cameras::{Instant, instants};
-use crate::carve::{Consensus, OCCLUDED, Silhouette, Voxels, depth_map, support};
+use crate::carve::{Consensus, OCCLUDED, Silhouette, Voxels, depth_map, shown, support};
 use crate::centres::{Blob, locate, mask_of};
 use crate::options::HullOptions;
 use crate::photo_hull::carve_by_photos;
@@ -93,8 +93,8 @@ pub fn hull(scene: &Scene, masks: &[Option<Vec<u8>>], t: f64, options: &HullOpti
     notes.append(&mut solid.notes);
     let voxels = &solid.voxels;
     let surface = voxels.surface();
-    let shown: Vec<DVec3> = surface.iter().map(|cell| voxels.position(*cell)).collect();
-    let depths: Vec<Vec<f64>> = solid.silhouettes.iter().map(|one| depth_map(one, &shown, voxels.edge)).collect();
+    let outer: Vec<DVec3> = surface.iter().map(|cell| voxels.position(*cell)).collect();
+    let depths: Vec<Vec<f64>> = solid.silhouettes.iter().map(|one| depth_map(one, &outer, voxels.edge)).collect();
     let chosen = match options.photos {
         true => spread(&near_surface(voxels, &solid.silhouettes, &depths), options.points),
         false => spread(&surface, options.points),
@@ -212,7 +212,7 @@ fn coarse(
     }
 }
 
-/// What decides the size of a voxel.
+/// The quantity that decides the size of a voxel.
 #[derive(Clone, Copy)]
 enum Size {
     /// The surface has at least this many.
@@ -309,10 +309,8 @@ fn span(voxels: &Voxels) -> Option<(UVec3, UVec3)> {
 /// The filled voxels that lie at most [`DEEP`] voxels behind the hull's surface, `depths`, in the image of some camera.
 fn near_surface(voxels: &Voxels, silhouettes: &[Silhouette], depths: &[Vec<f64>]) -> Vec<UVec3> {
     let is_near = |cell: &UVec3| {
-        silhouettes.iter().zip(depths).any(|(one, nearest)| {
-            let seen = one.camera.sees(voxels.position(*cell));
-            seen.is_some_and(|(pixel, depth)| depth <= nearest[pixel] + DEEP * voxels.edge)
-        })
+        let position = voxels.position(*cell);
+        silhouettes.iter().zip(depths).any(|(one, nearest)| shown(one, nearest, position, DEEP * voxels.edge).is_some())
     };
     voxels.cells().filter(is_near).collect()
 }
@@ -337,13 +335,9 @@ fn spread(voxels: &[UVec3], count: usize) -> Vec<UVec3> {
 fn colors(views: &[View], solid: &Solid, depths: &[Vec<f64>], positions: &[DVec3]) -> Vec<[u8; 3]> {
     let seen_by = |position: DVec3, slack: f64| -> Vec<[u8; 3]> {
         let looks = solid.silhouettes.iter().zip(depths).zip(&solid.views).filter_map(|((one, nearest), index)| {
-            let (pixel, depth) = one.camera.project(position)?;
-            let (x, y) = one.camera.pixel(pixel)?;
-            let view = &views[*index];
-            let at = y * view.width + x;
+            let (view, at) = (&views[*index], shown(one, nearest, position, slack)?);
             let is_there = 3 * at + 3 <= view.image.data.len();
-            let visible = is_there && depth <= nearest[at] + slack && one.contains(position) == Some(true);
-            visible.then(|| color(view, at))
+            (is_there && one.contains(position) == Some(true)).then(|| color(view, at))
         });
         looks.collect()
     };

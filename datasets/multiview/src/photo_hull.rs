@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use gs_base::statistics::median_by;
 use gs_datasets::View;
 
-use crate::carve::{OCCLUDED, Silhouette, Voxels, depth_map};
+use crate::carve::{OCCLUDED, Silhouette, Voxels, depth_map, shown};
 use crate::pixels::color;
 
 /// Half the edge of the cube of voxels that decide together, in voxels. On three sets of five cameras, objects of 2.2,
@@ -54,7 +54,7 @@ impl<'a> Photo<'a> {
 /// Empties the voxels that photos contradict; `views[i]` is the photo of `silhouettes[i]`. At least one voxel stays
 /// behind each pixel that has one.
 pub(crate) fn carve_by_photos(voxels: &mut Voxels, silhouettes: &[Silhouette], views: &[&View]) {
-    let surface = surface(voxels);
+    let mut surface = surface_of(voxels);
     let has_pixels = |view: &View| view.image.data.len() >= 3 * view.width * view.height;
     let mut photos: Vec<Photo> = silhouettes
         .iter()
@@ -64,16 +64,17 @@ pub(crate) fn carve_by_photos(voxels: &mut Voxels, silhouettes: &[Silhouette], v
         .collect();
     // A pass takes at most one layer on all sides.
     for _ in 0..voxels.dims.into_iter().max().unwrap_or(0) {
-        let surface = self::surface(voxels);
         let contradicted = contradicted(voxels, &photos, &surface);
         let removed = remove(voxels, &mut photos, contradicted);
         if removed as f64 <= NEARLY_NONE * surface.len() as f64 {
             break;
         }
+        surface = surface_of(voxels);
     }
 }
 
-fn surface(voxels: &Voxels) -> Vec<usize> {
+/// Indices of the voxels at the surface.
+fn surface_of(voxels: &Voxels) -> Vec<usize> {
     voxels.surface().into_iter().map(|cell| voxels.index(cell)).collect()
 }
 
@@ -88,8 +89,8 @@ fn contradicted(voxels: &Voxels, photos: &[Photo], surface: &[usize]) -> Vec<usi
         photos.par_iter().map(|photo| depth_map(photo.silhouette, &positions, voxels.edge)).collect();
     let difference = |position: &glam::DVec3| {
         let seen = photos.iter().zip(&nearest).filter_map(|(photo, nearest)| {
-            let (pixel, depth) = photo.silhouette.camera.sees(*position)?;
-            (depth <= nearest[pixel] + OCCLUDED * voxels.edge).then(|| photo.ranges[pixel])
+            let pixel = shown(photo.silhouette, nearest, *position, OCCLUDED * voxels.edge)?;
+            Some(photo.ranges[pixel])
         });
         difference(seen)
     };

@@ -13,6 +13,7 @@ use gs_multiview::foreground_masks;
 use super::Config;
 use super::clock::Clock;
 use super::evidence::{CameraEvidence, changing_pixels};
+use super::sources::Source;
 use gs_train::config::Strategy;
 
 /// Times closer than this share of the recording are one frame: cameras that are triggered together differ by rounding.
@@ -37,6 +38,8 @@ pub struct Cues {
     /// For each view of the first frame, by index of the training view, `[H, W]`: 1 inside the outline of what stands
     /// before a plain background, -1 before the background, 0 at the outline itself. Empty without a plain background.
     pub outlines: BTreeMap<usize, Vec<i8>>,
+    /// Where the Gaussians of the first frame begin.
+    pub source: Source,
     /// The pixels of each static camera at which something changes; empty if a camera moves.
     pub evidence: Vec<CameraEvidence>,
 }
@@ -59,6 +62,7 @@ impl Cues {
         let interval = interval(&times);
         let first = by_frame.first().map(Vec::as_slice).unwrap_or_default();
         let depths = depths_of(&scene.train, first);
+        let source = Source::of(scene, first, !depths.is_empty());
         let evidence = match config.method.moving.select {
             true => changing_pixels(&scene.train),
             false => Vec::new(),
@@ -67,7 +71,7 @@ impl Cues {
             true => outlines_of(&scene.train, first),
             false => BTreeMap::new(),
         };
-        Self { clock, times, by_frame, interval, depths, outlines, evidence }
+        Self { clock, times, by_frame, interval, depths, outlines, source, evidence }
     }
 
     /// The canonical time, by the clock.

@@ -12,11 +12,17 @@ use super::cues::warmup_steps;
 use super::extra::PhotoCues;
 use super::motion::{Direction, Moved};
 use super::order::weight;
+use super::sources::Source;
 use super::{Sparsedyn, Step};
 use gs_train::fit::losses::photometric;
 use gs_train::fit::method::{Drawn, Forward, Remainder};
 use gs_train::fit::photos::Photo;
 use gs_train::fit::random::{Purpose, stream};
+
+/// Factor of the opacity's weight where Gaussians begin in a carved hull, which holds more than surfaces need. On ten
+/// textured sets of five cameras first frames of held-out ones have 29.6 dB with 1 and 28.3 with 3, and on a plain one,
+/// whose colours carve little, 26.6 and 29.4.
+const ON_HULL: f64 = 3.0;
 
 /// Weight of what oscillations leave of the seen time, in pixels: a tube that bends, whose rates were 9 % off at the
 /// choice of its law, gains 3.4 dB over the last state with it and 2.8 without.
@@ -70,7 +76,8 @@ impl Sparsedyn {
         let image = photo.taken(rendering.color.clone());
         let mut loss = photometric(image.clone(), photo.image.clone(), photo.mask.clone(), &at.config.loss);
         if warmup.opacity > 0.0 && !gaussians.is_empty() {
-            loss = loss + opacity_sparsity(gaussians.opacities()) * warmup.opacity;
+            let factor = if at.cues.source == Source::Hull { ON_HULL } else { 1.0 };
+            loss = loss + opacity_sparsity(gaussians.opacities()) * (factor * warmup.opacity);
         }
         if let Some(sides) = photo.extra.outline.clone().filter(|_| warmup.outline > 0.0) {
             loss = loss + outline_misfit(rendering.alpha.clone(), sides) * warmup.outline;

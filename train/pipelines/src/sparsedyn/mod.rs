@@ -35,6 +35,7 @@ pub mod motion;
 pub mod order;
 mod poses;
 pub mod scene;
+mod sources;
 pub mod timetable;
 pub mod update;
 
