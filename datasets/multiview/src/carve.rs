@@ -13,9 +13,6 @@ use crate::pinhole::Pinhole;
 /// Edge of the initial blocks, voxels; a power of two.
 const BLOCK: usize = 8;
 
-/// A point is visible if no part of the hull is nearer by more than this many voxels.
-pub(crate) const OCCLUDED: f64 = 2.0;
-
 /// A camera with its mask of the object.
 pub(crate) struct Silhouette {
     pub camera: Pinhole,
@@ -169,33 +166,6 @@ pub(crate) fn support(silhouettes: &[Silhouette], position: DVec3) -> (usize, us
     answers.fold((0, 0), |(hits, seen), hit| (hits + usize::from(hit), seen + 1))
 }
 
-/// The pixel that shows a position at most `slack` behind the voxels that are `nearest` at each pixel.
-pub(crate) fn shown(silhouette: &Silhouette, nearest: &[f64], position: DVec3, slack: f64) -> Option<usize> {
-    let (pixel, depth) = silhouette.camera.sees(position)?;
-    (depth <= nearest[pixel] + slack).then_some(pixel)
-}
-
-/// Depth of the nearest voxel at each pixel; infinite without one.
-pub(crate) fn depth_map(silhouette: &Silhouette, positions: &[DVec3], edge: f64) -> Vec<f64> {
-    let camera = &silhouette.camera;
-    let mut nearest = vec![f64::INFINITY; camera.width * camera.height];
-    for position in positions {
-        let Some((pixel, depth)) = camera.project(*position) else { continue };
-        let half = 0.5 * edge * camera.focal() / depth;
-        let span = |at: f64, size: usize| {
-            let clip = |value: f64| value.clamp(0.0, size as f64) as usize;
-            clip((at - half).floor())..clip((at + half).ceil())
-        };
-        for y in span(pixel.y, camera.height) {
-            for x in span(pixel.x, camera.width) {
-                let at = &mut nearest[y * camera.width + x];
-                *at = at.min(depth);
-            }
-        }
-    }
-    nearest
-}
-
 /// A grid of voxels, filled where the object is.
 #[derive(Debug, Clone)]
 pub(crate) struct Voxels {
@@ -248,14 +218,6 @@ impl Voxels {
             let inside = next.cmpge(glam::IVec3::ZERO).all() && next.cmplt(glam::IVec3::from_array(dims)).all();
             (inside && faces > 0 && (corners || faces == 1)).then(|| next.as_uvec3())
         })
-    }
-
-    /// Indices of the voxels in the cube of `2 reach + 1` around a voxel, itself among them.
-    pub fn within(&self, cell: UVec3, reach: u32) -> impl Iterator<Item = usize> {
-        let last = UVec3::from_array(self.dims.map(|n| n as u32 - 1));
-        let (low, high) = (cell.saturating_sub(UVec3::splat(reach)), (cell + reach).min(last));
-        let rows = (low.z..=high.z).flat_map(move |z| (low.y..=high.y).map(move |y| (y, z)));
-        rows.flat_map(move |(y, z)| (low.x..=high.x).map(move |x| self.index(UVec3::new(x, y, z))))
     }
 
     /// Filled voxels with a face towards an empty one or the end of the grid.

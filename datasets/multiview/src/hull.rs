@@ -3,21 +3,18 @@
 //! 1. The masks' centroids are triangulated, and a box is placed around that position, so that the object may be small.
 //! 2. Views whose masks miss the core (the positions inside most masks) are left out.
 //! 3. A coarse carving that keeps all possible voxels tightens the box, and a fine one finds the surface.
-//! 4. With [`HullOptions::photos`], colours carve what outlines leave.
 //!
 //! The hull contains the object, up to ragged masks, and is larger: hollows that no camera sees through stay filled,
 //! a rig on one side leaves it long in that direction, and masks of blurry photos add the path of one exposure.
 
 use glam::{DVec3, UVec3};
 
-use gs_base::statistics::median_by;
 use gs_datasets::{PointCloud, Scene, View};
 
 use crate::cameras::{Instant, instants};
-use crate::carve::{Consensus, OCCLUDED, Silhouette, Voxels, depth_map, shown, support};
+use crate::carve::{Consensus, Silhouette, Voxels, support};
 use crate::centres::{Blob, locate, mask_of};
 use crate::options::HullOptions;
-use crate::photo_hull::carve_by_photos;
 use crate::pinhole::Pinhole;
 use crate::pixels::{color, median_color};
 use crate::regions::fill_holes;
@@ -42,9 +39,8 @@ const GROWTH: (f64, i32) = (1.6, 5);
 /// Holes in a mask up to this share of the region around them are filled before carving: each would be a tunnel.
 const HOLE: f64 = 0.1;
 
-/// Points that photos carve lie at most this many voxels behind the surface: photos correct errors of that size. On six
-/// sets of five cameras, first frames of held-out cameras have 29.0, 28.7 and 27.8 dB with 3, 6 and 12.
-const DEEP: f64 = 3.0;
+/// A point is visible if no part of the hull is nearer by more than this many voxels.
+const OCCLUDED: f64 = 2.0;
 
 /// Visual hull of the moving object at one time.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -83,24 +79,22 @@ pub fn hull(scene: &Scene, masks: &[Option<Vec<u8>>], t: f64, options: &HullOpti
     if (instant.t - t).abs() > gap {
         notes.push(format!("no view was taken near time {t}; the hull is of time {}", instant.t));
     }
-    let mut solid = match Solid::of(views, masks, instant, options) {
+    let solid = match Solid::of(views, masks, instant, options) {
         Ok(solid) => solid,
         Err(reason) => {
             notes.push(format!("no hull at time {}: {reason}", instant.t));
             return Hull { notes, ..Hull::default() };
         }
     };
-    notes.append(&mut solid.notes);
+    notes.extend(solid.notes);
     let voxels = &solid.voxels;
     let surface = voxels.surface();
-    let outer: Vec<DVec3> = surface.iter().map(|cell| voxels.position(*cell)).collect();
-    let depths: Vec<Vec<f64>> = solid.silhouettes.iter().map(|one| depth_map(one, &outer, voxels.edge)).collect();
-    let chosen = match options.photos {
-        true => spread(&near_surface(voxels, &solid.silhouettes, &depths), options.points),
+    let chosen = match options.filled {
+        true => spread(&voxels.cells().collect::<Vec<_>>(), options.points),
         false => spread(&surface, options.points),
     };
     let positions: Vec<DVec3> = chosen.iter().map(|cell| voxels.position(*cell)).collect();
-    let colors = colors(views, &solid, &depths, &positions);
+    let colors = colors(views, &solid.views, &solid.silhouettes, voxels, &surface, &positions);
     let count = voxels.cells().count() as f64;
     let edge = voxels.edge;
     let low = surface.iter().fold(DVec3::INFINITY, |low, cell| low.min(voxels.position(*cell) - 0.5 * edge));
@@ -161,7 +155,7 @@ impl Solid {
         }
         let consensus = Consensus::of(silhouettes.len(), options);
         let (mut coarse, mut is_cut) = coarse(&silhouettes, consensus, middle, first)?;
-        if is_cut || options.photos {
+        if is_cut {
             // Far behind the object a position in a few masks, and out of view of the other cameras, is not
             // contradicted.
             silhouettes.iter_mut().for_each(Silhouette::bound);
@@ -174,15 +168,7 @@ impl Solid {
         if is_cut {
             notes.push("the cameras do not bound the object on all sides; its hull is cut".to_string());
         }
-        let size = match options.photos {
-            true => Size::Edge(pixel_at(&silhouettes, middle)),
-            false => Size::Points(options.points),
-        };
-        let mut voxels = fine(coarse, &silhouettes, consensus, size).ok_or(NOWHERE)?;
-        if options.photos {
-            let seen: Vec<&View> = used.iter().map(|index| &views[*index]).collect();
-            carve_by_photos(&mut voxels, &silhouettes, &seen);
-        }
+        let voxels = fine(coarse, &silhouettes, consensus, options.points).ok_or(NOWHERE)?;
         Ok(Self { voxels, silhouettes, views: used, notes })
     }
 }
@@ -212,18 +198,9 @@ fn coarse(
     }
 }
 
-/// The quantity that decides the size of a voxel.
-#[derive(Clone, Copy)]
-enum Size {
-    /// The surface has at least this many.
-    Points(usize),
-    /// Its edge, scene units.
-    Edge(f64),
-}
-
-/// Carves at growing resolution until voxels have the wanted size: the box tightens with every pass, and the size of
-/// the surface is only known afterwards.
-fn fine(coarse: Voxels, silhouettes: &[Silhouette], consensus: Consensus, size: Size) -> Option<Voxels> {
+/// Carves at growing resolution until the surface has enough voxels: the box tightens with every pass, and the size
+/// of the surface is only known afterwards.
+fn fine(coarse: Voxels, silhouettes: &[Silhouette], consensus: Consensus, points: usize) -> Option<Voxels> {
     let mut voxels = coarse;
     let mut resolution = FINE.0;
     for pass in 1.. {
@@ -234,26 +211,17 @@ fn fine(coarse: Voxels, silhouettes: &[Silhouette], consensus: Consensus, size: 
         let high = voxels.low + voxels.edge * (last.as_dvec3() + 1.0 + margin);
         voxels = Voxels::over(low, high, resolution);
         voxels.carve(silhouettes, consensus, false);
+        let surface = voxels.surface().len();
         let (first, last) = span(&voxels)?;
         let longest = (last - first).max_element() as usize + 1;
-        let factor = match size {
-            Size::Points(points) => (points as f64 / voxels.surface().len().max(1) as f64).sqrt(),
-            Size::Edge(edge) => voxels.edge / edge,
-        };
-        if pass == PASSES || (factor <= 1.0 && longest >= FINE.0 * 3 / 4) {
+        if pass == PASSES || (surface >= points && longest >= FINE.0 * 3 / 4) {
             break;
         }
-        // 10 % more avoids a third pass.
-        let wanted = 1.1 * longest as f64 * factor.max(1.0);
+        // The surface grows with the square of the resolution; 10 % more avoids a third pass.
+        let wanted = 1.1 * longest as f64 * (points as f64 / surface.max(1) as f64).sqrt().max(1.0);
         resolution = (wanted.ceil() as usize).clamp(FINE.0, FINE.1);
     }
     Some(voxels)
-}
-
-/// Edge of a pixel at the depth of a position, scene units; the median of the cameras.
-fn pixel_at(silhouettes: &[Silhouette], position: DVec3) -> f64 {
-    let edge = |one: &Silhouette| one.camera.project(position).map(|(_, depth)| depth / one.camera.focal());
-    median_by(&mut silhouettes.iter().filter_map(edge).collect::<Vec<_>>(), f64::total_cmp).unwrap_or(f64::INFINITY)
 }
 
 fn silhouette(view: &View, mask: &[u8]) -> Silhouette {
@@ -306,15 +274,6 @@ fn span(voxels: &Voxels) -> Option<(UVec3, UVec3)> {
     voxels.cells().map(|cell| (cell, cell)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
-/// The filled voxels that lie at most [`DEEP`] voxels behind the hull's surface, `depths`, in the image of some camera.
-fn near_surface(voxels: &Voxels, silhouettes: &[Silhouette], depths: &[Vec<f64>]) -> Vec<UVec3> {
-    let is_near = |cell: &UVec3| {
-        let position = voxels.position(*cell);
-        silhouettes.iter().zip(depths).any(|(one, nearest)| shown(one, nearest, position, DEEP * voxels.edge).is_some())
-    };
-    voxels.cells().filter(is_near).collect()
-}
-
 /// At most `count` of `voxels`, evenly over them: every n-th along a Morton curve, which keeps neighbours together.
 fn spread(voxels: &[UVec3], count: usize) -> Vec<UVec3> {
     let mut sorted = voxels.to_vec();
@@ -330,25 +289,58 @@ fn spread(voxels: &[UVec3], count: usize) -> Vec<UVec3> {
     (0..count).map(|i| sorted[i * sorted.len() / count]).collect()
 }
 
-/// Median colour over the views that see each position before the hull's surface, `depths`; over all views with it in
-/// the image if it is hidden in all.
-fn colors(views: &[View], solid: &Solid, depths: &[Vec<f64>], positions: &[DVec3]) -> Vec<[u8; 3]> {
+/// Median colour over the views that see each position; over all views with it in the image if it is hidden in all.
+fn colors(
+    views: &[View],
+    used: &[usize],
+    silhouettes: &[Silhouette],
+    voxels: &Voxels,
+    surface: &[UVec3],
+    positions: &[DVec3],
+) -> Vec<[u8; 3]> {
+    let surface: Vec<DVec3> = surface.iter().map(|cell| voxels.position(*cell)).collect();
+    let depths: Vec<Vec<f64>> = silhouettes.iter().map(|one| depth_map(one, &surface, voxels.edge)).collect();
     let seen_by = |position: DVec3, slack: f64| -> Vec<[u8; 3]> {
-        let looks = solid.silhouettes.iter().zip(depths).zip(&solid.views).filter_map(|((one, nearest), index)| {
-            let (view, at) = (&views[*index], shown(one, nearest, position, slack)?);
+        let looks = silhouettes.iter().zip(&depths).zip(used).filter_map(|((one, nearest), index)| {
+            let (pixel, depth) = one.camera.project(position)?;
+            let (x, y) = one.camera.pixel(pixel)?;
+            let view = &views[*index];
+            let at = y * view.width + x;
             let is_there = 3 * at + 3 <= view.image.data.len();
-            (is_there && one.contains(position) == Some(true)).then(|| color(view, at))
+            let visible = is_there && depth <= nearest[at] + slack && one.contains(position) == Some(true);
+            visible.then(|| color(view, at))
         });
         looks.collect()
     };
     positions
         .iter()
         .map(|position| {
-            let mut seen = seen_by(*position, OCCLUDED * solid.voxels.edge);
+            let mut seen = seen_by(*position, OCCLUDED * voxels.edge);
             if seen.is_empty() {
                 seen = seen_by(*position, f64::INFINITY);
             }
             median_color(&seen).unwrap_or([128; 3])
         })
         .collect()
+}
+
+/// Depth of the nearest voxel at each pixel; infinite without one.
+fn depth_map(silhouette: &Silhouette, positions: &[DVec3], edge: f64) -> Vec<f64> {
+    let camera = &silhouette.camera;
+    let mut nearest = vec![f64::INFINITY; camera.width * camera.height];
+    for position in positions {
+        let Some((pixel, depth)) = camera.project(*position) else { continue };
+        let half = 0.5 * edge * camera.focal() / depth;
+        let span = |at: f64, size: usize| {
+            let clip = |value: f64| value.clamp(0.0, size as f64) as usize;
+            clip((at - half).floor())..clip((at + half).ceil())
+        };
+        for y in span(pixel.y, camera.height) {
+            for x in span(pixel.x, camera.width) {
+                let at = &mut nearest[y * camera.width + x];
+                *at = at.min(depth);
+            }
+        }
+    }
+    nearest
 }

@@ -64,7 +64,6 @@ mod noise;
 mod objects;
 mod options;
 mod patch;
-mod photo_hull;
 mod pinhole;
 mod pixels;
 mod plane_sweep;

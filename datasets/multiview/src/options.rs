@@ -67,9 +67,9 @@ pub struct MaskOptions {
 pub struct HullOptions {
     /// Points wanted; spread evenly over the surface or the volume. Fewer come where it has fewer voxels.
     pub points: usize,
-    /// Whether colours carve as well as outlines, and points fill the volume that is left: its surface is right only
-    /// where a photo shows it.
-    pub photos: bool,
+    /// Whether points fill the volume. The hull is larger than the object, so its surface is right only where outlines
+    /// touch it.
+    pub filled: bool,
     /// Cameras that may have a position outside of their masks although it belongs to the object. `None`: none below
     /// `forgiving_from` cameras, then one, and another for every `cameras_per_miss`; always at least two must agree.
     pub misses: Option<usize>,
@@ -141,7 +141,7 @@ impl Default for HullOptions {
     fn default() -> Self {
         Self {
             points: 4000,
-            photos: false,
+            filled: false,
             misses: None,
             forgiving_from: 5,
             cameras_per_miss: 16,

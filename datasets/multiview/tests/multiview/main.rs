@@ -6,7 +6,6 @@ mod fixture;
 mod gains;
 mod hostile;
 mod hull;
-mod photo_hull;
 mod pinned;
 mod plane_sweep;
 mod poses;

@@ -1,5 +1,5 @@
 //! The Gaussians of the first frame: at the back-projected pixels of depth priors, else at the data set's points, else
-//! in what outlines and colours carve before a plain background, else where photos agree.
+//! in the hull of outlines before a plain background, else where photos agree.
 
 use burn::tensor::Device;
 use gs_datasets::{PointCloud, Scene};
@@ -16,8 +16,8 @@ use gs_train::fit::initialise::{InitialGaussians, Random, gaussians_at, initial_
 /// Least weight of a prior's pixel that becomes a point.
 const LEAST_WEIGHT: f32 = 0.25;
 
-/// Most points of the hull. From 5,000 to 20,000 throughout the hull of outlines alone, the first frame of held-out
-/// cameras is the same within 0.15 dB, on eight object sets of five cameras.
+/// Most points throughout the hull of outlines. From 5,000 to 20,000 the first frame of held-out cameras is the same
+/// within 0.15 dB, on eight object sets of five cameras.
 const HULL_POINTS: usize = 10_000;
 
 /// The state before the first step.
@@ -81,8 +81,8 @@ fn first_frame(scene: &Scene, cues: &Cues) -> Scene {
     first
 }
 
-/// The points of the depth priors; without priors those in what outlines and colours carve before a plain background.
-/// Empty: neither is there.
+/// The points of the depth priors; without priors those throughout the visual hull of what stands before a plain
+/// background, of which photos leave the surfaces. Empty: neither is there.
 fn first_points(scene: &Scene, first: &Scene, cues: &Cues, cap: usize) -> PointCloud {
     let points = prior_points(scene, cues);
     if !points.is_empty() || first.points.is_some() {
@@ -90,7 +90,7 @@ fn first_points(scene: &Scene, first: &Scene, cues: &Cues, cap: usize) -> PointC
     }
     let Some(masks) = foreground_masks(&first.train) else { return points };
     // Outlines before a plain background are exact, so none may miss the object.
-    let options = HullOptions { points: HULL_POINTS.min(cap), photos: true, misses: Some(0), ..HullOptions::default() };
+    let options = HullOptions { points: HULL_POINTS.min(cap), filled: true, misses: Some(0), ..HullOptions::default() };
     let hull = hull(first, &masks, cues.clock.outer(cues.start()), &options);
     hull.notes.iter().for_each(|note| tracing::info!("{note}"));
     tracing::info!(

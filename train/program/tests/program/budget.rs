@@ -11,7 +11,7 @@ const SOURCE_LINES: [(&str, usize); 15] = [
     ("datasets", 12_570),
     ("datasets/base", 1_150),
     ("datasets/driving", 6_645),
-    ("datasets/multiview", 4_960),
+    ("datasets/multiview", 4_745),
     ("datasets/splats", 4_300),
     ("datasets/worlds", 5_195),
     ("gs-burn", 6_660),
@@ -25,7 +25,7 @@ const SOURCE_LINES: [(&str, usize); 15] = [
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 42_710;
+const TEST_LINES: usize = 42_620;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [
