@@ -25,7 +25,7 @@ const SOURCE_LINES: [(&str, usize); 15] = [
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 42_620;
+const TEST_LINES: usize = 42_625;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [
