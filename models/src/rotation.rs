@@ -7,6 +7,7 @@
 
 use burn::tensor::{Tensor, TensorData};
 use gs_burn::exact_matmul;
+use gs_burn::glam::{DQuat, DVec3};
 
 /// `a` is measured as `sqrt(|r|^2 + ANGLE_FLOOR^2)`, which has a derivative at 0 where `|r|` has none. The square is
 /// the smallest at which `f32` still has a normal number and the identity stays the identity in `f64`: `cos` is then
@@ -21,6 +22,12 @@ const PRODUCT: [[(usize, f64); 4]; 4] = [
     [(2, 1.0), (3, -1.0), (0, -1.0), (1, 1.0)],
     [(3, 1.0), (2, 1.0), (1, -1.0), (0, -1.0)],
 ];
+
+/// The rotation vector of `rotation`, radians, at most half a circle long. A quaternion and its negative are one
+/// rotation; by the entries alone one of them turns by more than half a circle.
+pub fn shortest(rotation: DQuat) -> DVec3 {
+    if rotation.w < 0.0 { (-rotation).to_scaled_axis() } else { rotation.to_scaled_axis() }
+}
 
 /// `exp(r / 2) - 1` of rotation vectors `r` `[M, 3]` (radians, world axes), as quaternions w x y z `[M, 4]`.
 ///

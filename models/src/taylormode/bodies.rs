@@ -18,6 +18,7 @@ use gs_burn::glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::window::polynomials;
+use crate::rotation::shortest;
 
 /// The body of a row that belongs to none: its blocks above its own order are zero.
 pub const NO_BODY: u8 = u8::MAX;
@@ -160,7 +161,7 @@ fn nearest_rotation(matrix: DMat3) -> Option<DQuat> {
 
 /// The rotation vector that is nearest to `before` among those of one rotation: turns beyond half a circle go on.
 fn nearest_vector(rotation: DQuat, before: DVec3) -> DVec3 {
-    let own = rotation.to_scaled_axis();
+    let own = shortest(rotation);
     let Some(axis) = own.try_normalize() else { return own };
     let circles = ((before - own).dot(axis) / std::f64::consts::TAU).round();
     own + axis * circles * std::f64::consts::TAU

@@ -9,6 +9,7 @@ use super::least_squares::descent;
 use super::motion::{Body, BodyFrame, RHYTHMS, Span};
 use super::nodes::NodeFrame;
 use super::rhythm::{self, Rhythm};
+use crate::rotation::shortest;
 
 /// Share of the observed time from which on the rest is foreseen to compare laws: the future of a recording is about a
 /// third of what was seen.
@@ -194,7 +195,7 @@ fn within(
         let back = law.rotation.inverse();
         let of = |(pose, (node, _)): (&BodyPose, &(NodeFrame, _))| {
             let place = back * (pose.centre - law.centre) + first;
-            let turn = (back * pose.rotation).to_scaled_axis() * node.width;
+            let turn = shortest(back * pose.rotation) * node.width;
             [(place - DVec3::from_array(node.centre)).to_array(), turn.to_array()].concat()
         };
         (*s, poses.iter().zip(nodes).flat_map(of).collect())

@@ -6,6 +6,7 @@ use super::basis::{EVEN, MOTION, free};
 use super::law::{BodyPose, Law, LawValues, Term, even, fading};
 use super::least_squares::{damped, descent, linear};
 use super::motion::{Body, Span};
+use crate::rotation::shortest;
 
 /// A fitted law.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,7 +94,7 @@ pub fn fit_law(poses: &Poses, law: Law) -> Option<Fitted> {
     if poses.poses.is_empty() {
         return None;
     }
-    let rotations = unwrapped(poses);
+    let rotations = unwrapped(poses.poses.iter().map(|(_, pose)| pose.rotation));
     let dampings: &[f64] = if law.has(Term::Damping) { &DAMPINGS } else { &[0.0] };
     let dampings = dampings.iter().map(|share| share / span_of(poses));
     let starts: Vec<LawValues> = match law.has(Term::Oscillation) {
@@ -140,15 +141,10 @@ pub fn fit_free(poses: &Poses, span: &Span) -> Vec<[f64; MOTION]> {
     let basis: Vec<Vec<f64>> =
         poses.poses.iter().map(|(s, _)| free(span.times, span.knots, span.times[0] + s)).collect();
     let columns: Vec<Vec<f64>> = (0..span.columns()).map(|k| basis.iter().map(|values| values[k]).collect()).collect();
-    let even = linear(&columns[..EVEN], &unwrapped(poses));
+    let even = linear(&columns[..EVEN], &unwrapped(poses.poses.iter().map(|(_, pose)| pose.rotation)));
     let turned = |values: &[f64]| DQuat::from_scaled_axis(even.iter().zip(values).map(|(w, x)| *w * *x).sum());
-    let rest: Vec<DVec3> = poses
-        .poses
-        .iter()
-        .zip(&basis)
-        .map(|((_, pose), values)| (pose.rotation * turned(values).inverse()).to_scaled_axis())
-        .collect();
-    let spline = linear(&columns[EVEN..], &rest);
+    let rest = poses.poses.iter().zip(&basis).map(|((_, pose), values)| pose.rotation * turned(values).inverse());
+    let spline = linear(&columns[EVEN..], &unwrapped(rest));
     let shifts: Vec<DVec3> = poses.poses.iter().map(|(_, pose)| pose.centre - poses.first).collect();
     let shifts = linear(&columns, &shifts);
     let six = |(shift, turn): (&DVec3, &DVec3)| [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z];
@@ -167,7 +163,7 @@ pub fn even_after(body: &Body, span: &Span, until: f64) -> Vec<[f64; MOTION]> {
         return body.free.clone();
     }
     let [before, last] = [from, until].map(|time| body.pose(span, time));
-    let turn = (last.rotation * before.rotation.inverse()).to_scaled_axis() / (until - from);
+    let turn = shortest(last.rotation * before.rotation.inverse()) / (until - from);
     let shift = (last.centre - before.centre) / (until - from);
     let pose = |time: f64| match time - until {
         beyond if beyond > 0.0 => {
@@ -201,10 +197,10 @@ fn residuals(poses: &Poses, values: &LawValues) -> Vec<f64> {
 }
 
 /// Rotation vectors of the poses, continued over whole turns.
-fn unwrapped(poses: &Poses) -> Vec<DVec3> {
-    let mut vectors: Vec<DVec3> = Vec::with_capacity(poses.poses.len());
-    for (_, pose) in &poses.poses {
-        let principal = pose.rotation.to_scaled_axis();
+fn unwrapped(rotations: impl Iterator<Item = DQuat>) -> Vec<DVec3> {
+    let mut vectors: Vec<DVec3> = Vec::new();
+    for rotation in rotations {
+        let principal = shortest(rotation);
         let expected = match vectors.as_slice() {
             [.., before, last] => 2.0 * *last - *before,
             [last] => *last,
@@ -450,6 +446,22 @@ mod tests {
         let [a, b, c] = [0.5, 0.6, 0.7].map(|time| body.pose(&span, time).centre);
         assert!((a - 2.0 * b + c).length() < 0.01, "{a} {b} {c}");
         assert!(apart(0.75) > 0.2, "the swing went on otherwise");
+    }
+
+    /// Quaternions of poses have either sign. The spline follows the swing to 1e-2 radians, and a whole turn too many
+    /// would be off by more than one.
+    #[test]
+    fn a_free_motion_follows_quaternions_of_either_sign() {
+        let span = Span { times: [0.0, 0.75], knots: 14, length: 1.0 };
+        let truth = values(Law::of(&[Term::Swing, Term::Oscillation, Term::Pivot]));
+        let mut swing = poses(&truth, 46, 0.0);
+        swing.poses.iter_mut().skip(20).for_each(|(_, pose)| pose.rotation = -pose.rotation);
+        let frame = BodyFrame::of(swing.first.to_array(), Law::of(&[]), span.times[1]);
+        let body = Body { free: fit_free(&swing, &span), ..Body::of(frame, LawValues::REST) };
+        for (s, pose) in &swing.poses {
+            let apart = shortest(body.pose(&span, *s).rotation * pose.rotation.inverse()).length();
+            assert!(apart < 1e-2, "{apart} at {s}");
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ use gs_burn::glam::{DQuat, DVec3};
 
 use super::fit::{Fitted, Poses, compare_laws, fit_law, select_law};
 use super::law::{BodyPose, Law};
+use crate::rotation::shortest;
 
 /// Fewest poses that a law is fitted to: a third of them is foreseen from the others.
 const FEWEST: usize = 9;
@@ -92,7 +93,7 @@ fn settled(mut poses: Poses, laws: &[Law], from: usize) -> Poses {
         for (s, pose) in &poses.poses {
             let law = fitted.values.pose(poses.first, *s);
             let back = law.rotation.inverse();
-            turn += (back * pose.rotation).to_scaled_axis();
+            turn += shortest(back * pose.rotation);
             place += back * (pose.centre - law.centre);
         }
         let count = poses.poses.len().max(1) as f64;

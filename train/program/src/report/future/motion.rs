@@ -5,6 +5,7 @@ use glam::{DQuat, DVec3};
 use gs_burn::Gaussians;
 use gs_datasets::CameraPose;
 use gs_models::DynamicScene;
+use gs_models::rotation::shortest;
 use serde::Serialize;
 
 use super::renderer::{SceneRenderer, enlarged};
@@ -38,12 +39,7 @@ pub fn angular_velocities(scene: &dyn DynamicScene, time: f64) -> Vec<DVec3> {
     let half = scene.span().map_or(1.0, |[first, last]| DIFFERENCE * (last - first)).max(f64::MIN_POSITIVE);
     let pair = scene.at_times(&[time - half, time + half]);
     let [before, after] = [&pair[0], &pair[1]].map(rotations);
-    let between = |(before, after): (&DQuat, &DQuat)| {
-        let turn = *after * before.inverse();
-        // A quaternion and its negative are one rotation; the shorter one is meant.
-        let turn = if turn.w < 0.0 { -turn } else { turn };
-        turn.to_scaled_axis() / (2.0 * half)
-    };
+    let between = |(before, after): (&DQuat, &DQuat)| shortest(*after * before.inverse()) / (2.0 * half);
     before.iter().zip(&after).map(between).collect()
 }
 
