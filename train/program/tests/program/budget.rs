@@ -16,7 +16,7 @@ const SOURCE_LINES: [(&str, usize); 15] = [
     ("datasets/worlds", 5_195),
     ("gs-burn", 6_660),
     ("gs-kernels", 14_455),
-    ("models", 12_665),
+    ("models", 12_670),
     ("tests/lab", 6_170),
     ("tests/shaders", 1_870),
     ("train", 11_220),
@@ -25,7 +25,7 @@ const SOURCE_LINES: [(&str, usize); 15] = [
 ];
 
 /// Lines of tests in all crates.
-const TEST_LINES: usize = 42_625;
+const TEST_LINES: usize = 42_650;
 
 /// The file of a trait, its name and its most items.
 const TRAIT_ITEMS: [(&str, &str, usize); 4] = [
