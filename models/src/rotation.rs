@@ -29,6 +29,14 @@ pub fn shortest(rotation: DQuat) -> DVec3 {
     if rotation.w < 0.0 { (-rotation).to_scaled_axis() } else { rotation.to_scaled_axis() }
 }
 
+/// The rotation vector of `rotation` nearest to `expected`, radians: turns beyond half a circle go on.
+pub fn nearest(rotation: DQuat, expected: DVec3) -> DVec3 {
+    let own = shortest(rotation);
+    let axis = own.try_normalize().or_else(|| expected.try_normalize()).unwrap_or(DVec3::Z);
+    let turns = ((expected - own).dot(axis) / std::f64::consts::TAU).round();
+    own + turns * std::f64::consts::TAU * axis
+}
+
 /// `exp(r / 2) - 1` of rotation vectors `r` `[M, 3]` (radians, world axes), as quaternions w x y z `[M, 4]`.
 ///
 /// Smooth everywhere, zero included. The identity is subtracted, because near it the small difference carries the

@@ -18,7 +18,7 @@ use gs_burn::glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::window::polynomials;
-use crate::rotation::shortest;
+use crate::rotation::nearest;
 
 /// The body of a row that belongs to none: its blocks above its own order are zero.
 pub const NO_BODY: u8 = u8::MAX;
@@ -143,7 +143,7 @@ pub fn turn_of(linear: &[[DVec3; 3]], order: usize) -> Vec<f64> {
             let Some(rotation) = nearest_rotation(DMat3::from_cols(columns[0], columns[1], columns[2])) else {
                 return vec![0.0; 3 * order];
             };
-            before = nearest_vector(rotation, before);
+            before = nearest(rotation, before);
             for (row, equation) in normal.iter_mut().enumerate() {
                 let known = values[..order].iter().copied().chain(before.to_array());
                 equation.iter_mut().zip(known).for_each(|(entry, x)| *entry += values[row] * x);
@@ -157,14 +157,6 @@ pub fn turn_of(linear: &[[DVec3; 3]], order: usize) -> Vec<f64> {
 fn nearest_rotation(matrix: DMat3) -> Option<DQuat> {
     let rotation = orthogonal(matrix).filter(|rotation| rotation.determinant() > 0.0);
     rotation.map(|rotation| DQuat::from_mat3(&rotation))
-}
-
-/// The rotation vector that is nearest to `before` among those of one rotation: turns beyond half a circle go on.
-fn nearest_vector(rotation: DQuat, before: DVec3) -> DVec3 {
-    let own = shortest(rotation);
-    let Some(axis) = own.try_normalize() else { return own };
-    let circles = ((before - own).dot(axis) / std::f64::consts::TAU).round();
-    own + axis * circles * std::f64::consts::TAU
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use gs_burn::adam::{Adam, AdamRate};
 use gs_burn::{Camera, NamedGradients};
 use gs_datasets::View;
 use gs_models::camera_path::{Path, TWIST};
+use gs_models::rotation::shortest;
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
@@ -184,7 +185,7 @@ fn half_way(view: &View, views: &[View], focal: f64, distance: f64) -> Option<[f
     });
     let motion = after.c2w.inverse() * before.c2w;
     let share = 0.5 * exposure / (gap(after) - gap(before));
-    let turn = DQuat::from_mat4(&motion).to_scaled_axis();
+    let turn = shortest(DQuat::from_mat4(&motion));
     let shift = motion.w_axis.truncate();
     // The logarithm of a rigid motion, but for terms of the second order of the turn.
     let shift = (shift - 0.5 * turn.cross(shift)) / distance;

@@ -6,7 +6,7 @@ use super::basis::{EVEN, MOTION, free};
 use super::law::{BodyPose, Law, LawValues, Term, even, fading};
 use super::least_squares::{damped, descent, linear};
 use super::motion::{Body, Span};
-use crate::rotation::shortest;
+use crate::rotation::{nearest, shortest};
 
 /// A fitted law.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -200,15 +200,12 @@ fn residuals(poses: &Poses, values: &LawValues) -> Vec<f64> {
 fn unwrapped(rotations: impl Iterator<Item = DQuat>) -> Vec<DVec3> {
     let mut vectors: Vec<DVec3> = Vec::new();
     for rotation in rotations {
-        let principal = shortest(rotation);
         let expected = match vectors.as_slice() {
             [.., before, last] => 2.0 * *last - *before,
             [last] => *last,
             [] => DVec3::ZERO,
         };
-        let axis = principal.try_normalize().or_else(|| expected.try_normalize()).unwrap_or(DVec3::Z);
-        let turns = ((expected - principal).dot(axis) / std::f64::consts::TAU).round();
-        vectors.push(principal + turns * std::f64::consts::TAU * axis);
+        vectors.push(nearest(rotation, expected));
     }
     vectors
 }
